@@ -1,0 +1,77 @@
+// The values an irradiance cache exchanges with a renderer: surface points, records, irradiance.
+//
+// Units: positions and radii in metres (any consistent length will do), irradiance in W/m^2 per RGB channel.
+// Everything here is trivially copyable and allocation-free.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
+#include <type_traits>
+
+namespace icbench {
+
+/// Diffuse irradiance E, RGB, W/m^2; finite and not negative wherever a cache returns it.
+using Irradiance = glm::vec3;
+
+/// Where irradiance is asked for. `n` has unit length and points to the side light arrives from.
+struct SurfacePoint {
+  glm::vec3 p;  ///< position, metres
+  glm::vec3 n;  ///< unit surface normal
+};
+
+/// One cached sample of indirect irradiance.
+///
+/// The 32-bit id is the caller's: caches carry it unchanged, never interpret it, and tests use it to tell records
+/// apart.
+struct Record {
+  glm::vec3 p;      ///< position, metres, inside the cache's bounds
+  glm::vec3 n;      ///< unit surface normal
+  float R;          ///< radius, metres, > 0: harmonic mean distance to the surfaces seen (Ward et al. 1988)
+  Irradiance E;     ///< irradiance, W/m^2
+  std::uint32_t id; ///< caller's identifier
+};
+static_assert(sizeof(Record) == 44, "records are stored by the million; padding would be paid for each");
+static_assert(std::is_trivially_copyable_v<Record>, "records are copied into raw pool memory");
+
+/// Axis-aligned box, metres; `lower` <= `upper` in every component.
+struct Bounds {
+  glm::vec3 lower{0.0f};
+  glm::vec3 upper{1.0f};
+
+  bool contains(const glm::vec3& p) const noexcept {  // false for NaN
+    return p.x >= lower.x && p.y >= lower.y && p.z >= lower.z && p.x <= upper.x && p.y <= upper.y &&
+           p.z <= upper.z;
+  }
+};
+
+/// What became of a record that was offered.
+enum class InsertResult : std::uint8_t {
+  inserted,  ///< stored: every later query under the cache's consistency condition sees it until clear
+  full,      ///< the pool is used up; nothing changed
+  rejected   ///< not a usable record (see is_storable); nothing changed
+};
+
+/// Answer of an update function for one record.
+enum class UpdateResult : std::uint8_t { keep, drop };
+
+inline bool is_finite(const glm::vec3& v) noexcept {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+/// |n|^2 within 0.2 % of 1: float normalisation errs by less than 1e-6, so anything further off is a caller's mistake.
+/// False for NaN.
+inline bool is_unit(const glm::vec3& n) noexcept { return std::abs(glm::dot(n, n) - 1.0f) <= 2e-3f; }
+
+/// A query outside these terms is a miss (and counted as invalid).
+inline bool is_askable(const SurfacePoint& x, const Bounds& bounds) noexcept {
+  return bounds.contains(x.p) && is_unit(x.n);
+}
+
+/// A record outside these terms is rejected: finite, unit normal, positive radius, inside the bounds.
+inline bool is_storable(const Record& r, const Bounds& bounds) noexcept {
+  return bounds.contains(r.p) && is_unit(r.n) && r.R > 0.0f && std::isfinite(r.R) && is_finite(r.E);
+}
+
+}  // namespace icbench
