@@ -59,8 +59,23 @@ struct CacheConfig {
   Interpolation interpolation = Interpolation::split_sphere;
 };
 
+/// Most sessions a cache can serve.
+inline constexpr std::uint32_t kMaxSessions = 8192;
+
+/// Most records a cache can promise room for: pool indices are 32 bits.
+inline constexpr std::uint32_t kMaxCapacity = 1u << 27;
+
 /// One clear line if the configuration cannot be used, else nullptr.
-const char* config_error(const CacheConfig& config) noexcept;
+inline const char* config_error(const CacheConfig& c) noexcept {
+  if (!is_finite(c.bounds.lower) || !is_finite(c.bounds.upper)) return "cache bounds must be finite";
+  if (!c.bounds.contains(c.bounds.lower)) return "cache bounds: lower must not exceed upper in any axis";
+  if (!is_finite(c.bounds.upper - c.bounds.lower)) return "cache bounds are too large for single precision";
+  if (!(c.a > 0.0f) || !(c.a <= c.a_max)) return "cache accuracy a must lie in (0, a_max]";
+  if (!(c.a_max <= 10.0f)) return "cache accuracy a_max must not exceed 10";
+  if (c.capacity == 0 || c.capacity > kMaxCapacity) return "cache capacity must lie in [1, 134217728] records";
+  if (c.max_sessions == 0 || c.max_sessions > kMaxSessions) return "cache max_sessions must lie in [1, 8192]";
+  return nullptr;
+}
 
 template <class S>
 concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r, std::span<const SurfacePoint> points,
@@ -96,6 +111,7 @@ concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config
   { view.memory_bytes() } -> std::same_as<std::size_t>;
   // Contention counters summed over all sessions; all zero when the cache is built with NoCounters.
   { view.counters() } -> std::same_as<Counts>;
+  { c.reset_counters() };
 };
 
 }  // namespace icbench

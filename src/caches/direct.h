@@ -1,0 +1,86 @@
+// A structure used as it is, without any wrapper: `sequential` and `brute_force` (ordinary memory, one thread),
+// `node_lock` (locks of its own) and `wait_free` (atomics of its own).
+//
+// Guarantees and costs are the structure's; see its header.
+#pragma once
+
+#include "caches/session.h"
+
+namespace icbench {
+
+template <class Structure, class Counters = NoCounters>
+class Direct {
+  struct State {
+    typename Structure::Workspace workspace;
+    TicketOffice<StdSync>::Purse purse;
+    [[no_unique_address]] Counters counters;
+  };
+
+ public:
+  static constexpr CacheTraits kTraits = Structure::kTraits;
+  using Session = icbench::Session<Direct, State>;
+
+  explicit Direct(const CacheConfig& config)
+      : config_(checked(config)),
+        sessions_(config, kTraits.single_thread),
+        tickets_(config.capacity),
+        structure_(config) {}
+
+  Session open_session(std::uint32_t thread) { return Session(*this, sessions_[thread]); }
+  void begin_frame() noexcept {}
+  void end_frame() noexcept {}
+
+  void clear() {
+    structure_.clear();
+    sessions_.for_each([](State& s) {
+      s.workspace = {};
+      s.purse = {};
+    });
+    tickets_.restart(0, config_.capacity);
+  }
+
+  template <class F>
+  void update_records(F&& f) {
+    structure_.update(f);
+    std::uint64_t live = 0;
+    for_each_record([&](const Record&) { ++live; });
+    sessions_.for_each([](State& s) { s.purse = {}; });
+    tickets_.restart(live, promised_capacity(config_, live, structure_.room()));
+  }
+
+  template <class F>
+  void for_each_record(F&& f) const {
+    structure_.for_each(f);
+  }
+
+  std::size_t memory_bytes() const {
+    std::size_t bytes = sessions_.bytes();
+    sessions_.for_each([&](const State& s) { bytes += Structure::bytes(s.workspace); });
+    return bytes;
+  }
+
+  Counts counters() const { return sessions_.counts(); }
+  void reset_counters() { sessions_.reset_counters(); }
+  const CacheConfig& config() const noexcept { return config_; }
+
+ private:
+  friend Session;
+
+  template <class F>
+  void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
+    structure_.visit(x, config_.a, s.counters, f);
+  }
+
+  bool insert(State& s, const Record& r) noexcept {
+    return tickets_.insert(s.purse, [&] { return structure_.insert(s.workspace, r, s.counters); });
+  }
+
+  void prefault(State& s, std::uint32_t n) noexcept { structure_.prefault(s.workspace, n); }
+
+  CacheConfig config_;
+  SessionTable<State> sessions_;
+  TicketOffice<StdSync> tickets_;
+  Structure structure_;
+};
+
+}  // namespace icbench

@@ -1,0 +1,80 @@
+// A linear list of records: slow, and obviously right. The oracle every other structure is checked against.
+//
+// Query: every record is tested by the shared predicate, in order of insertion. Insert: one copy. One thread.
+#pragma once
+
+#include <tbb/parallel_for.h>
+
+#include "caches/session.h"
+#include "core/arena.h"
+
+namespace icbench {
+
+class LinearList {
+  static constexpr std::size_t kRecordBytes = sizeof(Record);
+  using Pool = Arena<PlainSync, kRecordBytes>;
+
+ public:
+  static constexpr std::string_view kPrefix = "";
+  static constexpr std::string_view kStructure = "list";
+  static constexpr CacheTraits kTraits{"brute_force",       kStructure, "none", Progress::wait_free, Progress::wait_free,
+                                       Consistency::linearizable, true, "linear search; the oracle"};
+
+  class Workspace {
+    friend LinearList;
+    std::size_t records_ = 0;
+  };
+
+  explicit LinearList(const CacheConfig& config) : pool_(config.capacity) {}
+
+  template <class Counters>
+  bool insert(Workspace& workspace, const Record& r, Counters&) noexcept {
+    const UnitIndex i = pool_.take(1);
+    if (i == 0) return false;
+    record(i) = r;
+    ++workspace.records_;
+    return true;
+  }
+
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) const noexcept {
+    const UnitIndex end = pool_.end();
+    counters.template add<&Counts::records_read>(end - 1);
+    for (UnitIndex i = 1; i < end; ++i) {
+      const float weight = split_sphere_weight(x, record(i), a);
+      if (weight > 0.0f) {
+        counters.template add<&Counts::records_valid>(1);
+        f(static_cast<const Record&>(record(i)), weight);
+      }
+    }
+  }
+
+  template <class F>
+  void update(F&& f) {
+    const UnitIndex end = pool_.end();
+    std::vector<UpdateResult> verdicts(end);
+    tbb::parallel_for(UnitIndex{1}, end, [&](UnitIndex i) { verdicts[i] = f(record(i)); });
+    UnitIndex kept = 1;
+    for (UnitIndex i = 1; i < end; ++i) {
+      if (verdicts[i] == UpdateResult::keep) record(kept++) = record(i);
+    }
+    pool_.shrink(kept);
+  }
+
+  template <class F>
+  void for_each(F&& f) const {
+    for (UnitIndex i = 1; i < pool_.end(); ++i) f(static_cast<const Record&>(record(i)));
+  }
+
+  void clear() { pool_.reset(); }
+  std::uint32_t room() const noexcept { return static_cast<std::uint32_t>(pool_.left()); }
+  void prefault(Workspace&, std::uint32_t n) noexcept { pool_.touch(n); }
+  static std::size_t bytes(const Workspace& workspace) noexcept { return workspace.records_ * kRecordBytes; }
+
+ private:
+  Record& record(UnitIndex i) const noexcept { return *std::launder(static_cast<Record*>(pool_.at(i))); }
+
+  Pool pool_;
+};
+
+}  // namespace icbench

@@ -1,0 +1,133 @@
+// Thread-local writes, merged at the end of each frame (Dubla 2012, 7.2.2: LW).
+//
+// Every session writes a structure of its own and reads that and the shared one, which nobody writes during a frame; so
+// no operation is synchronised at all. The price is repeated work: what another thread computed is not seen before
+// end_frame. Local copies are merged in parallel, one task a session, into the shared structure, which for that is the
+// concurrent instantiation.
+//
+// Consistency: frame. Progress: visit as the structures' own; insert adds one load and one fetch_add for its ticket,
+// which reserves the room in the shared structure: what was accepted is never lost in the merge.
+#pragma once
+
+#include <memory>
+
+#include "caches/session.h"
+
+namespace icbench {
+
+template <class SharedStructure, class LocalStructure, class Counters = NoCounters>
+class LocalWrite {
+  struct State {
+    std::unique_ptr<LocalStructure> local;  // made by open_session
+    typename LocalStructure::Workspace local_workspace;
+    typename SharedStructure::Workspace merge_workspace;
+    TicketOffice<StdSync>::Purse purse;
+    [[no_unique_address]] Counters counters;
+  };
+  static constexpr std::string_view kMechanism = "local_write";
+  using Name = JoinedName<SharedStructure::kPrefix, kMechanism>;
+
+ public:
+  static constexpr CacheTraits kTraits{
+      Name::value, SharedStructure::kStructure, kMechanism, Progress::wait_free, Progress::wait_free, Consistency::frame,
+      false,       "Dubla 2012, 7.2.2 (LW)"};
+  using Session = icbench::Session<LocalWrite, State>;
+
+  explicit LocalWrite(const CacheConfig& config)
+      : config_(checked(config)), sessions_(config, false), tickets_(config.capacity), shared_(config) {
+    local_config_ = config;
+    local_config_.max_sessions = 1;
+  }
+
+  Session open_session(std::uint32_t thread) {
+    State& s = sessions_[thread];
+    if (s.local == nullptr) s.local = std::make_unique<LocalStructure>(local_config_);
+    return Session(*this, s);
+  }
+
+  void begin_frame() noexcept {}
+
+  /// Merges the local structures into the shared one and empties them.
+  void end_frame() {
+    tbb::parallel_for(std::uint32_t{0}, sessions_.size(), [this](std::uint32_t i) {
+      State& s = sessions_[i];
+      if (s.local == nullptr) return;
+      // Room was reserved by the tickets, so an insert cannot fail.
+      s.local->for_each([&](const Record& r) { shared_.insert(s.merge_workspace, r, s.counters); });
+      empty_local(s);
+    });
+  }
+
+  void clear() {
+    shared_.clear();
+    sessions_.for_each([](State& s) {
+      empty_local(s);
+      s.merge_workspace = {};
+      s.purse = {};
+    });
+    tickets_.restart(0, config_.capacity);
+  }
+
+  template <class F>
+  void update_records(F&& f) {
+    shared_.update(f);
+    sessions_.for_each([&](State& s) {
+      if (s.local != nullptr) s.local->update(f);
+      s.purse = {};
+    });
+    std::uint64_t live = 0;
+    for_each_record([&](const Record&) { ++live; });
+    tickets_.restart(live, promised_capacity(config_, live, shared_.room()));
+  }
+
+  template <class F>
+  void for_each_record(F&& f) const {
+    shared_.for_each(f);
+    sessions_.for_each([&](const State& s) {
+      if (s.local != nullptr) s.local->for_each(f);
+    });
+  }
+
+  std::size_t memory_bytes() const {
+    std::size_t bytes = sessions_.bytes();
+    sessions_.for_each([&](const State& s) {
+      bytes += LocalStructure::bytes(s.local_workspace) + SharedStructure::bytes(s.merge_workspace);
+    });
+    return bytes;
+  }
+
+  Counts counters() const { return sessions_.counts(); }
+  void reset_counters() { sessions_.reset_counters(); }
+  const CacheConfig& config() const noexcept { return config_; }
+
+ private:
+  friend Session;
+
+  template <class F>
+  void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
+    shared_.visit(x, config_.a, s.counters, f);
+    s.local->visit(x, config_.a, s.counters, f);
+  }
+
+  bool insert(State& s, const Record& r) noexcept {
+    return tickets_.insert(s.purse, [&] { return s.local->insert(s.local_workspace, r, s.counters); });
+  }
+
+  void prefault(State& s, std::uint32_t n) noexcept {
+    s.local->prefault(s.local_workspace, n);
+    shared_.prefault(s.merge_workspace, n);
+  }
+
+  static void empty_local(State& s) {
+    if (s.local != nullptr) s.local->clear();
+    s.local_workspace = {};
+  }
+
+  CacheConfig config_;
+  CacheConfig local_config_;
+  SessionTable<State> sessions_;
+  TicketOffice<StdSync> tickets_;
+  SharedStructure shared_;
+};
+
+}  // namespace icbench

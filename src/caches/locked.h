@@ -1,0 +1,89 @@
+// One lock around a whole unsynchronised structure, taken for every access (Dubla 2012, 7.2.1: LCK).
+//
+// Progress: blocking. Linearization point of every operation: any point at which it holds the lock; a query therefore
+// sees an atomic snapshot. A reader under a readers-writer policy holds the lock shared.
+#pragma once
+
+#include "caches/locks.h"
+#include "caches/session.h"
+
+namespace icbench {
+
+template <class Structure, class Policy, class Counters = NoCounters>
+class Locked {
+  static_assert(!Structure::kTraits.name.empty() && Structure::kTraits.single_thread,
+                "wrap the plain instantiation of a structure: the lock is the synchronisation");
+
+  struct State {
+    [[no_unique_address]] Counters counters;
+  };
+  using Name = JoinedName<Structure::kPrefix, Policy::kName>;
+
+ public:
+  static constexpr CacheTraits kTraits{Name::value,        Structure::kStructure,     Policy::kName, Progress::blocking,
+                                       Progress::blocking, Consistency::linearizable, false,         Policy::kSource};
+  using Session = icbench::Session<Locked, State>;
+
+  explicit Locked(const CacheConfig& config)
+      : config_(checked(config)), sessions_(config, false), tickets_(config.capacity), structure_(config) {}
+
+  Session open_session(std::uint32_t thread) { return Session(*this, sessions_[thread]); }
+  void begin_frame() noexcept {}
+  void end_frame() noexcept {}
+
+  void clear() {
+    structure_.clear();
+    workspace_ = {};
+    purse_ = {};
+    tickets_.restart(0, config_.capacity);
+  }
+
+  template <class F>
+  void update_records(F&& f) {
+    structure_.update(f);
+    std::uint64_t live = 0;
+    for_each_record([&](const Record&) { ++live; });
+    purse_ = {};
+    tickets_.restart(live, promised_capacity(config_, live, structure_.room()));
+  }
+
+  template <class F>
+  void for_each_record(F&& f) const {
+    structure_.for_each(f);
+  }
+
+  std::size_t memory_bytes() const { return sessions_.bytes() + Structure::bytes(workspace_); }
+  Counts counters() const { return sessions_.counts(); }
+  void reset_counters() { sessions_.reset_counters(); }
+  const CacheConfig& config() const noexcept { return config_; }
+
+ private:
+  friend Session;
+
+  template <class F>
+  void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
+    typename Policy::Read scope(mutex_, s.counters);
+    structure_.visit(x, config_.a, s.counters, f);
+  }
+
+  bool insert(State& s, const Record& r) noexcept {
+    typename Policy::Write scope(mutex_, s.counters);
+    return tickets_.insert(purse_, [&] { return structure_.insert(workspace_, r, s.counters); });
+  }
+
+  void prefault(State& s, std::uint32_t n) noexcept {
+    typename Policy::Write scope(mutex_, s.counters);
+    structure_.prefault(workspace_, n);
+  }
+
+  CacheConfig config_;
+  SessionTable<State> sessions_;
+  alignas(kNoSharing) typename Policy::Mutex mutex_;
+  // Everything below is protected by mutex_ while sessions are in operation.
+  alignas(kNoSharing) TicketOffice<PlainSync> tickets_;
+  TicketOffice<PlainSync>::Purse purse_;
+  typename Structure::Workspace workspace_;
+  Structure structure_;
+};
+
+}  // namespace icbench

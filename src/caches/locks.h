@@ -1,0 +1,181 @@
+// Locks as policies: of Locked<Structure, Policy> (one lock around the cache) and of structures with a lock per node.
+//
+// A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&). With
+// counters on, a lock is tried once first, so that an acquisition that has to wait can be timed.
+#pragma once
+
+#include <oneapi/tbb/queuing_mutex.h>
+#include <oneapi/tbb/spin_rw_mutex.h>
+
+#include <chrono>
+#include <mutex>
+#include <shared_mutex>
+#include <string_view>
+#include <thread>
+
+#include "core/counters.h"
+#include "core/sync.h"
+
+namespace icbench {
+
+/// Acquires by `lock` and counts; `try_lock` is asked first when counters are on.
+template <class Counters, class TryLock, class DoLock>
+inline void acquire_counted(Counters& counters, TryLock&& try_lock, DoLock&& do_lock) noexcept {
+  if constexpr (Counters::kOn) {
+    counters.template add<&Counts::lock_acquisitions>(1);
+    if (try_lock()) return;
+    const auto start = std::chrono::steady_clock::now();
+    do_lock();
+    const auto waited = std::chrono::steady_clock::now() - start;
+    counters.template add<&Counts::lock_contended>(1);
+    counters.template add<&Counts::lock_wait_ns>(
+        static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(waited).count()));
+  } else {
+    do_lock();
+  }
+}
+
+/// Tells the core that this is a spin loop.
+inline void spin_pause() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+/// Test-and-test-and-set lock that yields the processor after a bounded spin, so that a descheduled holder can run.
+/// Blocking and unfair. All-zero bytes are an unlocked lock.
+///
+/// Publication pair: L1 unlock store release -> lock CAS acquire; publishes what the holder wrote.
+template <class Sync>
+class SpinLock {
+ public:
+  bool try_lock() noexcept {
+    std::uint32_t unlocked = 0;
+    // Relaxed test and relaxed failure: only a successful acquisition reads what the lock protects.
+    return word_.load(std::memory_order_relaxed) == 0 &&
+           word_.compare_exchange_strong(unlocked, 1, std::memory_order_acquire /* L1 */, std::memory_order_relaxed);
+  }
+
+  void lock() noexcept {
+    for (unsigned spins = 0; !try_lock(); ++spins) {
+      if (spins < kSpins) {
+        spin_pause();
+      } else {
+        std::this_thread::yield();
+      }
+    }
+  }
+
+  void unlock() noexcept { word_.store(0, std::memory_order_release /* L1 */); }
+
+ private:
+  static constexpr unsigned kSpins = 256;
+
+  typename Sync::template Atomic<std::uint32_t> word_{0};
+};
+
+/// Exclusive ownership of anything with lock, try_lock and unlock.
+template <class Mutex>
+class ExclusiveScope {
+ public:
+  template <class Counters>
+  ExclusiveScope(Mutex& mutex, Counters& counters) noexcept : mutex_(mutex) {
+    acquire_counted(counters, [&] { return mutex.try_lock(); }, [&] { mutex.lock(); });
+  }
+  ~ExclusiveScope() { mutex_.unlock(); }
+  ExclusiveScope(const ExclusiveScope&) = delete;
+  ExclusiveScope& operator=(const ExclusiveScope&) = delete;
+
+ private:
+  Mutex& mutex_;
+};
+
+/// Shared ownership of anything with lock_shared, try_lock_shared and unlock_shared.
+template <class Mutex>
+class SharedScope {
+ public:
+  template <class Counters>
+  SharedScope(Mutex& mutex, Counters& counters) noexcept : mutex_(mutex) {
+    acquire_counted(counters, [&] { return mutex.try_lock_shared(); }, [&] { mutex.lock_shared(); });
+  }
+  ~SharedScope() { mutex_.unlock_shared(); }
+  SharedScope(const SharedScope&) = delete;
+  SharedScope& operator=(const SharedScope&) = delete;
+
+ private:
+  Mutex& mutex_;
+};
+
+/// Exclusive ownership of a lock whose waiters queue up in nodes of their own (oneTBB's scoped_lock interface).
+template <class Mutex>
+class QueuedScope {
+ public:
+  template <class Counters>
+  QueuedScope(Mutex& mutex, Counters& counters) noexcept {
+    acquire_counted(counters, [&] { return node_.try_acquire(mutex); }, [&] { node_.acquire(mutex); });
+  }
+
+ private:
+  typename Mutex::scoped_lock node_;
+};
+
+struct GlobalMutex {
+  static constexpr std::string_view kName = "global_mutex", kSource = "Dubla 2012, 7.2.1 (LCK)";
+  using Mutex = std::mutex;
+  using Read = ExclusiveScope<Mutex>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+template <class Sync = StdSync>
+struct GlobalSpin {
+  static constexpr std::string_view kName = "global_spin", kSource = "Dubla 2012, 7.2.1 (LCK), on a spin lock";
+  using Mutex = SpinLock<Sync>;
+  using Read = ExclusiveScope<Mutex>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+struct QueuingMutex {
+  static constexpr std::string_view kName = "queuing_mutex",
+                                    kSource = "Dubla 2012, 7.2.1 (LCK), on oneTBB's queuing_mutex";
+  using Mutex = tbb::queuing_mutex;
+  using Read = QueuedScope<Mutex>;
+  using Write = QueuedScope<Mutex>;
+};
+
+struct SharedMutex {
+  static constexpr std::string_view kName = "shared_mutex", kSource = "readers-writer lock, as pbrt-v2 and Sunflow";
+  using Mutex = std::shared_mutex;
+  using Read = SharedScope<Mutex>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+struct SpinRwMutex {
+  static constexpr std::string_view kName = "spin_rw_mutex", kSource = "oneTBB's spin_rw_mutex";
+  using Mutex = tbb::spin_rw_mutex;
+  using Read = SharedScope<Mutex>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+/// Per-node locking switched off: takes no memory and no time.
+struct NoNodeLock {
+  static constexpr bool kOn = false;
+  template <class Counters>
+  struct Scope {
+    Scope(NoNodeLock&, Counters&) noexcept {}
+  };
+};
+
+/// One spin lock in every node of a structure.
+template <class Sync = StdSync>
+struct SpinNodeLock {
+  static constexpr bool kOn = true;
+  SpinLock<Sync> lock;
+  template <class Counters>
+  struct Scope : ExclusiveScope<SpinLock<Sync>> {
+    Scope(SpinNodeLock& node, Counters& counters) noexcept : ExclusiveScope<SpinLock<Sync>>(node.lock, counters) {}
+  };
+};
+
+}  // namespace icbench

@@ -1,0 +1,61 @@
+// The list of caches. One line adds a cache to every workload, test, sweep and plot:
+//
+//   X(name, Type)   `name` is the cache's kTraits.name; `Type` is a class template over its Counters policy.
+//
+// The build reads the names from the lines below to give each cache translation units of its own.
+#pragma once
+
+#include "caches/direct.h"
+#include "caches/linear_list.h"
+#include "caches/local_write.h"
+#include "caches/locked.h"
+#include "caches/null_cache.h"
+#include "caches/ward_tree.h"
+
+// clang-format off
+#define ICBENCH_CACHES(X)           \
+  X(null, NullCache)                \
+  X(brute_force, BruteForce)        \
+  X(sequential, Sequential)         \
+  X(global_mutex, GlobalMutexCache) \
+  X(global_spin, GlobalSpinCache)   \
+  X(queuing_mutex, QueuingMutexCache) \
+  X(shared_mutex, SharedMutexCache) \
+  X(spin_rw_mutex, SpinRwMutexCache) \
+  X(node_lock, NodeLockCache)       \
+  X(local_write, LocalWriteCache)   \
+  X(wait_free, WaitFree)
+// clang-format on
+
+namespace icbench {
+
+using PlainWardTree = WardTree<PlainSync>;
+
+template <class Counters = NoCounters>
+using BruteForce = Direct<LinearList, Counters>;
+template <class Counters = NoCounters>
+using Sequential = Direct<PlainWardTree, Counters>;
+template <class Counters = NoCounters>
+using GlobalMutexCache = Locked<PlainWardTree, GlobalMutex, Counters>;
+template <class Counters = NoCounters>
+using GlobalSpinCache = Locked<PlainWardTree, GlobalSpin<>, Counters>;
+template <class Counters = NoCounters>
+using QueuingMutexCache = Locked<PlainWardTree, QueuingMutex, Counters>;
+template <class Counters = NoCounters>
+using SharedMutexCache = Locked<PlainWardTree, SharedMutex, Counters>;
+template <class Counters = NoCounters>
+using SpinRwMutexCache = Locked<PlainWardTree, SpinRwMutex, Counters>;
+template <class Counters = NoCounters>
+using NodeLockCache = Direct<WardTree<PlainSync, SpinNodeLock<>>, Counters>;
+template <class Counters = NoCounters>
+using LocalWriteCache = LocalWrite<WardTree<StdSync>, PlainWardTree, Counters>;
+template <class Counters = NoCounters>
+using WaitFree = Direct<WardTree<StdSync>, Counters>;
+
+#define ICBENCH_CHECK(id, Type)                                                                       \
+  static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache");           \
+  static_assert(Type<NoCounters>::kTraits.name == #id, "registry name and kTraits.name differ: " #id);
+ICBENCH_CACHES(ICBENCH_CHECK)
+#undef ICBENCH_CHECK
+
+}  // namespace icbench

@@ -1,0 +1,193 @@
+// What all caches share: sessions, their table, the pool of record tickets, and names put together at compile time.
+//
+// A cache provides visit(state, x, f) and insert(state, r) on its own per-session State; Session puts the checks of
+// bad input, the interpolating query and the counters in front, once for all caches. `query` is `visit` with the
+// Interpolator, so a test that records what visit was shown tests the code that ships.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "core/cache.h"
+#include "core/setup_error.h"
+#include "core/sync.h"
+
+namespace icbench {
+
+/// Handle by which one thread uses a cache. Cheap to copy; use it in one thread at a time.
+template <class Cache, class State>
+class Session {
+ public:
+  Session(Cache& cache, State& state) noexcept : cache_(&cache), state_(&state) {}
+
+  template <class F>
+  void visit(const SurfacePoint& x, F&& f) noexcept {
+    state_->counters.template add<&Counts::queries>(1);
+    if (!is_askable(x, cache_->config().bounds)) {
+      state_->counters.template add<&Counts::invalid_queries>(1);
+      return;
+    }
+    cache_->visit(*state_, x, f);
+  }
+
+  std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
+    Interpolator interpolator;
+    visit(x, interpolator);
+    const std::optional<Irradiance> E = interpolator.result();
+    state_->counters.template add<&Counts::hits>(E.has_value());
+    return E;
+  }
+
+  void query_batch(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {
+    for (std::size_t i = 0; i < points.size(); ++i) out[i] = query(points[i]);
+  }
+
+  InsertResult insert(const Record& r) noexcept {
+    auto& counters = state_->counters;
+    if (!is_storable(r, cache_->config().bounds)) {
+      counters.template add<&Counts::rejected>(1);
+      return InsertResult::rejected;
+    }
+    if (!cache_->insert(*state_, r)) {
+      counters.template add<&Counts::full>(1);
+      return InsertResult::full;
+    }
+    counters.template add<&Counts::inserted>(1);
+    return InsertResult::inserted;
+  }
+
+  void prefault(std::uint32_t n) noexcept { cache_->prefault(*state_, n); }
+
+ private:
+  Cache* cache_;
+  State* state_;
+};
+
+/// The per-session states of a cache, each on cache lines of its own.
+template <class State>
+class SessionTable {
+ public:
+  SessionTable(const CacheConfig& config, bool single_thread)
+      : size_(config.max_sessions), slots_(std::make_unique<Slot[]>(config.max_sessions)) {
+    if (single_thread && config.max_sessions > 1) {
+      fail_setup("this cache serves a single thread; set max_sessions to 1 or choose a shared cache");
+    }
+  }
+
+  /// State of session `thread`; fails at set-up if there is none such.
+  State& operator[](std::uint32_t thread) {
+    if (thread >= size_) fail_setup("open_session: thread index is not below max_sessions");
+    return slots_[thread].state;
+  }
+
+  template <class F>
+  void for_each(F&& f) {
+    for (std::uint32_t i = 0; i < size_; ++i) f(slots_[i].state);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for (std::uint32_t i = 0; i < size_; ++i) f(static_cast<const State&>(slots_[i].state));
+  }
+
+  std::uint32_t size() const noexcept { return size_; }
+  std::size_t bytes() const noexcept { return size_ * sizeof(Slot); }
+
+  Counts counts() const {
+    Counts sum;
+    for_each([&](const State& s) { sum += s.counters.counts(); });
+    return sum;
+  }
+
+  void reset_counters() {
+    for_each([](State& s) { s.counters.reset(); });
+  }
+
+ private:
+  struct alignas(kNoSharing) Slot {
+    State state;
+  };
+
+  std::uint32_t size_;
+  std::unique_ptr<Slot[]> slots_;
+};
+
+/// Counts records against a capacity without sharing a word on every insert: sessions draw tickets in batches.
+///
+/// At most `capacity` tickets are out. An insert is refused only when every ticket has been drawn; up to
+/// kBatch - 1 of those may lie unused in each other session.
+template <class Sync>
+class TicketOffice {
+ public:
+  static constexpr std::uint32_t kBatch = 64;
+
+  /// One session's tickets in hand.
+  struct Purse {
+    std::uint32_t tickets = 0;
+  };
+
+  explicit TicketOffice(std::uint32_t capacity) noexcept : capacity_(capacity) {}
+
+  /// Runs `store`, which returns whether it stored a record, if there is a ticket for it. Wait-free, one load and one
+  /// fetch_add at most, on top of `store`.
+  template <class Store>
+  bool insert(Purse& purse, Store&& store) noexcept {
+    if (!draw(purse)) return false;
+    if (store()) return true;
+    ++purse.tickets;
+    return false;
+  }
+
+  /// Starts again with `live` records stored and room for `capacity` in all; every purse must be emptied. Quiescent.
+  void restart(std::uint64_t live, std::uint64_t capacity) noexcept {
+    capacity_ = capacity;
+    drawn_.store(live, std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
+  }
+
+ private:
+  bool draw(Purse& purse) noexcept {
+    if (purse.tickets == 0) {
+      // Relaxed: the count alone matters, nothing is published by it. The load bounds the overshoot of the counter to
+      // one batch a session.
+      if (drawn_.load(std::memory_order_relaxed) >= capacity_) return false;
+      const std::uint64_t first = drawn_.fetch_add(kBatch, std::memory_order_relaxed);
+      if (first >= capacity_) return false;
+      purse.tickets = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, capacity_ - first));
+    }
+    --purse.tickets;
+    return true;
+  }
+
+  std::uint64_t capacity_;
+  alignas(kNoSharing) typename Sync::template Atomic<std::uint64_t> drawn_{0};
+};
+
+/// `config`, or a failure at set-up with one line that says what is wrong with it.
+inline const CacheConfig& checked(const CacheConfig& config) {
+  if (const char* error = config_error(config)) fail_setup(error);
+  return config;
+}
+
+/// Records that may be promised in all when `live` are stored and the pool has room for `room` more.
+inline std::uint64_t promised_capacity(const CacheConfig& config, std::uint64_t live, std::uint64_t room) noexcept {
+  return std::min<std::uint64_t>(config.capacity, live + room);
+}
+
+/// Concatenates names at compile time: `kJoined<kPrefix, kSuffix>` is a string_view of both.
+template <const std::string_view&... kParts>
+class JoinedName {
+  static constexpr auto kChars = [] {
+    std::array<char, (kParts.size() + ... + 1)> chars{};
+    auto out = chars.begin();
+    ((out = std::copy(kParts.begin(), kParts.end(), out)), ...);
+    return chars;
+  }();
+
+ public:
+  static constexpr std::string_view value{kChars.data(), kChars.size() - 1};
+};
+
+}  // namespace icbench

@@ -1,0 +1,130 @@
+// Pool memory: address space reserved once, handed out by fetch_add, zero when handed out.
+//
+// An Arena reserves its whole capacity as address space; pages become memory when first touched, by the thread that
+// uses them (first-touch NUMA placement). A Cursor is one session's view: it takes pieces of the arena by one
+// fetch_add and allocates from its piece without sharing anything.
+//
+// Progress: take and allocate are wait-free, one fetch_add at most. No lock, no malloc.
+#pragma once
+
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include "core/setup_error.h"
+#include "core/sync.h"
+
+namespace icbench {
+
+/// Index of a unit in an arena; 0 is no unit.
+using UnitIndex = std::uint32_t;
+
+/// An arena of units of `kUnitBytes` bytes, at most 2^32 - 1 of them.
+template <class Sync, std::size_t kUnitBytes>
+class Arena {
+ public:
+  /// Reserves address space for `units` units. Fails at set-up with one line if the system has none.
+  explicit Arena(std::uint64_t units) : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
+    void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (memory == MAP_FAILED) fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
+    base_ = static_cast<std::byte*>(memory);
+  }
+  ~Arena() { ::munmap(base_, bytes(units_)); }
+  Arena(const Arena&) = delete;
+  Arena& operator=(const Arena&) = delete;
+
+  /// First of `n` consecutive units, all bytes zero; 0 if the arena is used up.
+  UnitIndex take(std::uint32_t n) noexcept {
+    // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like the
+    // fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by other words.
+    if (next_.load(std::memory_order_relaxed) + n > units_) return 0;
+    const std::uint64_t first = next_.fetch_add(n, std::memory_order_relaxed);
+    return first + n > units_ ? 0 : static_cast<UnitIndex>(first);
+  }
+
+  void* at(UnitIndex i) const noexcept { return base_ + bytes(i); }
+
+  /// One past the last unit ever taken since the last reset. Quiescent.
+  UnitIndex end() const noexcept {
+    return static_cast<UnitIndex>(std::min<std::uint64_t>(next_.load(std::memory_order_relaxed), units_));
+  }
+
+  /// Units not yet taken. Quiescent.
+  std::uint64_t left() const noexcept { return units_ - end(); }
+
+  /// Gives back the units from `end_unit` on. Quiescent; the caller has no use for what is in them.
+  void shrink(UnitIndex end_unit) noexcept {
+    std::memset(at(end_unit), 0, bytes(end() - end_unit));
+    next_.store(end_unit, std::memory_order_relaxed);  // relaxed: quiescent
+  }
+
+  /// Touches the pages of the next `n` units without taking them. Quiescent.
+  void touch(std::uint32_t n) noexcept { std::memset(at(end()), 0, bytes(std::min<std::uint64_t>(n, left()))); }
+
+  /// Zeroes everything that was taken and starts afresh. Quiescent, parallel.
+  void reset() noexcept {
+    constexpr std::size_t kGrain = std::size_t{1} << 20;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, bytes(end()), kGrain),
+                      [this](const auto& range) { std::memset(base_ + range.begin(), 0, range.size()); });
+    next_.store(1, std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
+  }
+
+ private:
+  static constexpr std::size_t bytes(std::uint64_t units) noexcept { return units * kUnitBytes; }
+
+  std::byte* base_;
+  std::uint64_t units_;
+  alignas(kNoSharing) typename Sync::template Atomic<std::uint64_t> next_{1};
+};
+
+/// One session's share of an arena.
+///
+/// Invariant: begin_ <= end_, and the units in [begin_, end_) are zero and nobody else's.
+template <class Arena>
+class ArenaCursor {
+ public:
+  /// `n` zeroed units, or 0. Takes a piece of `piece` units when its own is too short; larger requests go straight to
+  /// the arena, so that the rest of the piece is not lost.
+  UnitIndex allocate(Arena& arena, std::uint32_t n, std::uint32_t piece) noexcept {
+    if (end_ - begin_ < n) {
+      if (n >= piece) return count(arena.take(n), n);
+      const UnitIndex first = arena.take(piece);
+      if (first == 0) return count(arena.take(n), n);  // the arena's last units, too few for a whole piece
+      begin_ = first;
+      end_ = first + piece;
+    }
+    const UnitIndex result = begin_;
+    begin_ += n;
+    return count(result, n);
+  }
+
+  /// Takes a piece of `units` and touches its pages, unless that much is at hand already.
+  void prefault(Arena& arena, std::uint32_t units, std::size_t unit_bytes) noexcept {
+    if (end_ - begin_ >= units) return;
+    const UnitIndex first = arena.take(units);
+    if (first == 0) return;
+    std::memset(arena.at(first), 0, units * unit_bytes);
+    begin_ = first;
+    end_ = first + units;
+  }
+
+  std::uint64_t units_used() const noexcept { return used_; }
+
+ private:
+  UnitIndex count(UnitIndex first, std::uint32_t n) noexcept {
+    if (first != 0) used_ += n;
+    return first;
+  }
+
+  UnitIndex begin_ = 0;
+  UnitIndex end_ = 0;
+  std::uint64_t used_ = 0;
+};
+
+}  // namespace icbench

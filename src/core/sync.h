@@ -1,0 +1,61 @@
+// Where a structure's shared words live: the policy that turns one structure into its wait-free form, its
+// unsynchronised twin, or a form whose every step a test controls.
+//
+// A policy offers `template <class T> using Atomic`, with load, store, fetch_add and compare_exchange_strong that take
+// explicit memory orders. All-zero bytes must be a valid Atomic<T> of value 0: structures live in zeroed pool memory.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <type_traits>
+
+namespace icbench {
+
+/// Shared by threads: std::atomic.
+struct StdSync {
+  template <class T>
+  using Atomic = std::atomic<T>;
+  static constexpr bool kConcurrent = true;
+};
+
+/// std::atomic's interface over ordinary memory. For one thread, or under a lock.
+template <class T>
+class PlainAtomic {
+ public:
+  PlainAtomic() noexcept = default;
+  explicit(false) PlainAtomic(T value) noexcept : value_(value) {}
+
+  T load(std::memory_order) const noexcept { return value_; }
+  void store(T value, std::memory_order) noexcept { value_ = value; }
+  T fetch_add(T n, std::memory_order) noexcept {
+    const T old = value_;
+    value_ = static_cast<T>(value_ + n);
+    return old;
+  }
+  bool compare_exchange_strong(T& expected, T desired, std::memory_order, std::memory_order) noexcept {
+    if (value_ == expected) {
+      value_ = desired;
+      return true;
+    }
+    expected = value_;
+    return false;
+  }
+
+ private:
+  T value_{};
+};
+
+/// Ordinary memory: the unsynchronised twin of a structure.
+struct PlainSync {
+  template <class T>
+  using Atomic = PlainAtomic<T>;
+  static constexpr bool kConcurrent = false;
+};
+
+static_assert(sizeof(std::atomic<std::uint32_t>) == 4 && sizeof(PlainAtomic<std::uint32_t>) == 4,
+              "the twins must have one memory layout, or comparing them says nothing");
+
+/// Distance at which two threads' data do not share a cache line, adjacent-line prefetch included (x86, ARM). Bytes.
+inline constexpr std::size_t kNoSharing = 128;
+
+}  // namespace icbench
