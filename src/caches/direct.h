@@ -1,5 +1,5 @@
-// A structure used as it is, without any wrapper: `sequential` and `brute_force` (ordinary memory, one thread),
-// `node_lock` (locks of its own) and `wait_free` (atomics of its own).
+// A structure used as it is, without any wrapper: `sequential` and `brute_force` (ordinary memory, one
+// thread), `node_lock` (locks of its own) and `wait_free` (atomics of its own).
 //
 // Guarantees and costs are the structure's; see its header.
 #pragma once
@@ -36,16 +36,20 @@ class Direct {
       s.workspace = {};
       s.purse = {};
     });
-    tickets_.restart(0, config_.capacity);
+    tickets_.restart(0);
   }
 
   template <class F>
   void update_records(F&& f) {
     structure_.update(f);
-    std::uint64_t live = 0;
-    for_each_record([&](const Record&) { ++live; });
+    const auto fresh_workspace = [this]() -> auto& {
+      sessions_.for_each([](State& s) { s.workspace = {}; });
+      return sessions_[0].workspace;
+    };
+    const std::uint64_t live =
+        keep_room(structure_, config_.capacity, fresh_workspace, sessions_[0].counters);
     sessions_.for_each([](State& s) { s.purse = {}; });
-    tickets_.restart(live, promised_capacity(config_, live, structure_.room()));
+    tickets_.restart(live);
   }
 
   template <class F>

@@ -17,8 +17,14 @@ class LinearList {
  public:
   static constexpr std::string_view kPrefix = "";
   static constexpr std::string_view kStructure = "list";
-  static constexpr CacheTraits kTraits{"brute_force",       kStructure, "none", Progress::wait_free, Progress::wait_free,
-                                       Consistency::linearizable, true, "linear search; the oracle"};
+  static constexpr CacheTraits kTraits{"brute_force",
+                                       kStructure,
+                                       "none",
+                                       Progress::wait_free,
+                                       Progress::wait_free,
+                                       Consistency::linearizable,
+                                       true,
+                                       "linear search; the oracle"};
 
   class Workspace {
     friend LinearList;

@@ -1,12 +1,12 @@
 // Thread-local writes, merged at the end of each frame (Dubla 2012, 7.2.2: LW).
 //
-// Every session writes a structure of its own and reads that and the shared one, which nobody writes during a frame; so
-// no operation is synchronised at all. The price is repeated work: what another thread computed is not seen before
-// end_frame. Local copies are merged in parallel, one task a session, into the shared structure, which for that is the
-// concurrent instantiation.
+// Every session writes a structure of its own and reads that and the shared one, which nobody writes during a
+// frame; so no operation is synchronised at all. The price is repeated work: what another thread computed is
+// not seen before end_frame. Local copies are merged in parallel, one task a session, into the shared
+// structure, which for that is the concurrent instantiation.
 //
-// Consistency: frame. Progress: visit as the structures' own; insert adds one load and one fetch_add for its ticket,
-// which reserves the room in the shared structure: what was accepted is never lost in the merge.
+// Consistency: frame. Progress: visit as the structures' own; insert adds one load and one fetch_add for its
+// ticket, which reserves the room in the shared structure: what was accepted is never lost in the merge.
 #pragma once
 
 #include <memory>
@@ -29,8 +29,8 @@ class LocalWrite {
 
  public:
   static constexpr CacheTraits kTraits{
-      Name::value, SharedStructure::kStructure, kMechanism, Progress::wait_free, Progress::wait_free, Consistency::frame,
-      false,       "Dubla 2012, 7.2.2 (LW)"};
+      Name::value,         SharedStructure::kStructure, kMechanism, Progress::wait_free,
+      Progress::wait_free, Consistency::frame,          false,      "Dubla 2012, 7.2.2 (LW)"};
   using Session = icbench::Session<LocalWrite, State>;
 
   explicit LocalWrite(const CacheConfig& config)
@@ -65,19 +65,24 @@ class LocalWrite {
       s.merge_workspace = {};
       s.purse = {};
     });
-    tickets_.restart(0, config_.capacity);
+    tickets_.restart(0);
   }
 
   template <class F>
   void update_records(F&& f) {
     shared_.update(f);
+    const auto fresh_workspace = [this]() -> auto& {
+      sessions_.for_each([](State& s) { s.merge_workspace = {}; });
+      return sessions_[0].merge_workspace;
+    };
+    std::uint64_t live = keep_room(shared_, config_.capacity, fresh_workspace, sessions_[0].counters);
     sessions_.for_each([&](State& s) {
-      if (s.local != nullptr) s.local->update(f);
       s.purse = {};
+      if (s.local == nullptr) return;
+      s.local->update(f);
+      s.local->for_each([&](const Record&) { ++live; });
     });
-    std::uint64_t live = 0;
-    for_each_record([&](const Record&) { ++live; });
-    tickets_.restart(live, promised_capacity(config_, live, shared_.room()));
+    tickets_.restart(live);
   }
 
   template <class F>

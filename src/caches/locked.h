@@ -1,7 +1,7 @@
 // One lock around a whole unsynchronised structure, taken for every access (Dubla 2012, 7.2.1: LCK).
 //
-// Progress: blocking. Linearization point of every operation: any point at which it holds the lock; a query therefore
-// sees an atomic snapshot. A reader under a readers-writer policy holds the lock shared.
+// Progress: blocking. Linearization point of every operation: any point at which it holds the lock; a query
+// therefore sees an atomic snapshot. A reader under a readers-writer policy holds the lock shared.
 #pragma once
 
 #include "caches/locks.h"
@@ -20,8 +20,9 @@ class Locked {
   using Name = JoinedName<Structure::kPrefix, Policy::kName>;
 
  public:
-  static constexpr CacheTraits kTraits{Name::value,        Structure::kStructure,     Policy::kName, Progress::blocking,
-                                       Progress::blocking, Consistency::linearizable, false,         Policy::kSource};
+  static constexpr CacheTraits kTraits{
+      Name::value,        Structure::kStructure,     Policy::kName, Progress::blocking,
+      Progress::blocking, Consistency::linearizable, false,         Policy::kSource};
   using Session = icbench::Session<Locked, State>;
 
   explicit Locked(const CacheConfig& config)
@@ -35,16 +36,15 @@ class Locked {
     structure_.clear();
     workspace_ = {};
     purse_ = {};
-    tickets_.restart(0, config_.capacity);
+    tickets_.restart(0);
   }
 
   template <class F>
   void update_records(F&& f) {
     structure_.update(f);
-    std::uint64_t live = 0;
-    for_each_record([&](const Record&) { ++live; });
+    const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
     purse_ = {};
-    tickets_.restart(live, promised_capacity(config_, live, structure_.room()));
+    tickets_.restart(keep_room(structure_, config_.capacity, fresh_workspace, sessions_[0].counters));
   }
 
   template <class F>

@@ -1,7 +1,8 @@
-// Locks as policies: of Locked<Structure, Policy> (one lock around the cache) and of structures with a lock per node.
+// Locks as policies: of Locked<Structure, Policy> (one lock around the cache) and of structures with a lock
+// per node.
 //
-// A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&). With
-// counters on, a lock is tried once first, so that an acquisition that has to wait can be timed.
+// A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&).
+// With counters on, a lock is tried once first, so that an acquisition that has to wait can be timed.
 #pragma once
 
 #include <oneapi/tbb/queuing_mutex.h>
@@ -44,8 +45,8 @@ inline void spin_pause() noexcept {
 #endif
 }
 
-/// Test-and-test-and-set lock that yields the processor after a bounded spin, so that a descheduled holder can run.
-/// Blocking and unfair. All-zero bytes are an unlocked lock.
+/// Test-and-test-and-set lock that yields the processor after a bounded spin, so that a descheduled holder
+/// can run. Blocking and unfair. All-zero bytes are an unlocked lock.
 ///
 /// Publication pair: L1 unlock store release -> lock CAS acquire; publishes what the holder wrote.
 template <class Sync>
@@ -55,7 +56,8 @@ class SpinLock {
     std::uint32_t unlocked = 0;
     // Relaxed test and relaxed failure: only a successful acquisition reads what the lock protects.
     return word_.load(std::memory_order_relaxed) == 0 &&
-           word_.compare_exchange_strong(unlocked, 1, std::memory_order_acquire /* L1 */, std::memory_order_relaxed);
+           word_.compare_exchange_strong(unlocked, 1, std::memory_order_acquire /* L1 */,
+                                         std::memory_order_relaxed);
   }
 
   void lock() noexcept {
@@ -82,7 +84,8 @@ class ExclusiveScope {
  public:
   template <class Counters>
   ExclusiveScope(Mutex& mutex, Counters& counters) noexcept : mutex_(mutex) {
-    acquire_counted(counters, [&] { return mutex.try_lock(); }, [&] { mutex.lock(); });
+    acquire_counted(
+        counters, [&] { return mutex.try_lock(); }, [&] { mutex.lock(); });
   }
   ~ExclusiveScope() { mutex_.unlock(); }
   ExclusiveScope(const ExclusiveScope&) = delete;
@@ -98,7 +101,8 @@ class SharedScope {
  public:
   template <class Counters>
   SharedScope(Mutex& mutex, Counters& counters) noexcept : mutex_(mutex) {
-    acquire_counted(counters, [&] { return mutex.try_lock_shared(); }, [&] { mutex.lock_shared(); });
+    acquire_counted(
+        counters, [&] { return mutex.try_lock_shared(); }, [&] { mutex.lock_shared(); });
   }
   ~SharedScope() { mutex_.unlock_shared(); }
   SharedScope(const SharedScope&) = delete;
@@ -108,13 +112,15 @@ class SharedScope {
   Mutex& mutex_;
 };
 
-/// Exclusive ownership of a lock whose waiters queue up in nodes of their own (oneTBB's scoped_lock interface).
+/// Exclusive ownership of a lock whose waiters queue up in nodes of their own (oneTBB's scoped_lock
+/// interface).
 template <class Mutex>
 class QueuedScope {
  public:
   template <class Counters>
   QueuedScope(Mutex& mutex, Counters& counters) noexcept {
-    acquire_counted(counters, [&] { return node_.try_acquire(mutex); }, [&] { node_.acquire(mutex); });
+    acquire_counted(
+        counters, [&] { return node_.try_acquire(mutex); }, [&] { node_.acquire(mutex); });
   }
 
  private:
@@ -130,7 +136,8 @@ struct GlobalMutex {
 
 template <class Sync = StdSync>
 struct GlobalSpin {
-  static constexpr std::string_view kName = "global_spin", kSource = "Dubla 2012, 7.2.1 (LCK), on a spin lock";
+  static constexpr std::string_view kName = "global_spin",
+                                    kSource = "Dubla 2012, 7.2.1 (LCK), on a spin lock";
   using Mutex = SpinLock<Sync>;
   using Read = ExclusiveScope<Mutex>;
   using Write = ExclusiveScope<Mutex>;
@@ -145,7 +152,8 @@ struct QueuingMutex {
 };
 
 struct SharedMutex {
-  static constexpr std::string_view kName = "shared_mutex", kSource = "readers-writer lock, as pbrt-v2 and Sunflow";
+  static constexpr std::string_view kName = "shared_mutex",
+                                    kSource = "readers-writer lock, as pbrt-v2 and Sunflow";
   using Mutex = std::shared_mutex;
   using Read = SharedScope<Mutex>;
   using Write = ExclusiveScope<Mutex>;
@@ -174,7 +182,8 @@ struct SpinNodeLock {
   SpinLock<Sync> lock;
   template <class Counters>
   struct Scope : ExclusiveScope<SpinLock<Sync>> {
-    Scope(SpinNodeLock& node, Counters& counters) noexcept : ExclusiveScope<SpinLock<Sync>>(node.lock, counters) {}
+    Scope(SpinNodeLock& node, Counters& counters) noexcept
+        : ExclusiveScope<SpinLock<Sync>>(node.lock, counters) {}
   };
 };
 

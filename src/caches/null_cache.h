@@ -12,8 +12,14 @@ class NullCache {
   };
 
  public:
-  static constexpr CacheTraits kTraits{"null", "none", "none", Progress::wait_free, Progress::wait_free,
-                                       Consistency::none, false, "floor of the harness"};
+  static constexpr CacheTraits kTraits{"null",
+                                       "none",
+                                       "none",
+                                       Progress::wait_free,
+                                       Progress::wait_free,
+                                       Consistency::none,
+                                       false,
+                                       "floor of the harness"};
   using Session = icbench::Session<NullCache, State>;
 
   explicit NullCache(const CacheConfig& config) : config_(checked(config)), sessions_(config, false) {}

@@ -52,8 +52,8 @@ using LocalWriteCache = LocalWrite<WardTree<StdSync>, PlainWardTree, Counters>;
 template <class Counters = NoCounters>
 using WaitFree = Direct<WardTree<StdSync>, Counters>;
 
-#define ICBENCH_CHECK(id, Type)                                                                       \
-  static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache");           \
+#define ICBENCH_CHECK(id, Type)                                                            \
+  static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache"); \
   static_assert(Type<NoCounters>::kTraits.name == #id, "registry name and kTraits.name differ: " #id);
 ICBENCH_CACHES(ICBENCH_CHECK)
 #undef ICBENCH_CHECK

@@ -1,8 +1,9 @@
-// What all caches share: sessions, their table, the pool of record tickets, and names put together at compile time.
+// What all caches share: sessions, their table, the pool of record tickets, and names put together at compile
+// time.
 //
-// A cache provides visit(state, x, f) and insert(state, r) on its own per-session State; Session puts the checks of
-// bad input, the interpolating query and the counters in front, once for all caches. `query` is `visit` with the
-// Interpolator, so a test that records what visit was shown tests the code that ships.
+// A cache provides visit(state, x, f) and insert(state, r) on its own per-session State; Session puts the
+// checks of bad input, the interpolating query and the counters in front, once for all caches. `query` is
+// `visit` with the Interpolator, so a test that records what visit was shown tests the code that ships.
 #pragma once
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include <memory>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "core/cache.h"
 #include "core/setup_error.h"
@@ -115,7 +117,8 @@ class SessionTable {
   std::unique_ptr<Slot[]> slots_;
 };
 
-/// Counts records against a capacity without sharing a word on every insert: sessions draw tickets in batches.
+/// Counts records against a capacity without sharing a word on every insert: sessions draw tickets in
+/// batches.
 ///
 /// At most `capacity` tickets are out. An insert is refused only when every ticket has been drawn; up to
 /// kBatch - 1 of those may lie unused in each other session.
@@ -131,8 +134,8 @@ class TicketOffice {
 
   explicit TicketOffice(std::uint32_t capacity) noexcept : capacity_(capacity) {}
 
-  /// Runs `store`, which returns whether it stored a record, if there is a ticket for it. Wait-free, one load and one
-  /// fetch_add at most, on top of `store`.
+  /// Runs `store`, which returns whether it stored a record, if there is a ticket for it. Wait-free, one load
+  /// and one fetch_add at most, on top of `store`.
   template <class Store>
   bool insert(Purse& purse, Store&& store) noexcept {
     if (!draw(purse)) return false;
@@ -141,17 +144,17 @@ class TicketOffice {
     return false;
   }
 
-  /// Starts again with `live` records stored and room for `capacity` in all; every purse must be emptied. Quiescent.
-  void restart(std::uint64_t live, std::uint64_t capacity) noexcept {
-    capacity_ = capacity;
-    drawn_.store(live, std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
+  /// Starts again with `live` records stored; every purse must be emptied. Quiescent.
+  void restart(std::uint64_t live) noexcept {
+    drawn_.store(live,
+                 std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
   }
 
  private:
   bool draw(Purse& purse) noexcept {
     if (purse.tickets == 0) {
-      // Relaxed: the count alone matters, nothing is published by it. The load bounds the overshoot of the counter to
-      // one batch a session.
+      // Relaxed: the count alone matters, nothing is published by it. The load bounds the overshoot of the
+      // counter to one batch a session.
       if (drawn_.load(std::memory_order_relaxed) >= capacity_) return false;
       const std::uint64_t first = drawn_.fetch_add(kBatch, std::memory_order_relaxed);
       if (first >= capacity_) return false;
@@ -161,7 +164,7 @@ class TicketOffice {
     return true;
   }
 
-  std::uint64_t capacity_;
+  const std::uint64_t capacity_;
   alignas(kNoSharing) typename Sync::template Atomic<std::uint64_t> drawn_{0};
 };
 
@@ -171,9 +174,21 @@ inline const CacheConfig& checked(const CacheConfig& config) {
   return config;
 }
 
-/// Records that may be promised in all when `live` are stored and the pool has room for `room` more.
-inline std::uint64_t promised_capacity(const CacheConfig& config, std::uint64_t live, std::uint64_t room) noexcept {
-  return std::min<std::uint64_t>(config.capacity, live + room);
+/// Keeps a structure's promise of room for `capacity` records after an update: counts the records that live,
+/// and if the nodes that dropped ones left behind take the room of those to come, builds the structure anew.
+/// `fresh_workspace` empties all workspaces on the structure and returns one of them. Quiescent; returns the
+/// count.
+template <class Structure, class FreshWorkspace, class Counters>
+std::uint64_t keep_room(Structure& structure, std::uint32_t capacity, FreshWorkspace&& fresh_workspace,
+                        Counters& counters) {
+  std::vector<Record> live;
+  structure.for_each([&](const Record& r) { live.push_back(r); });
+  if (live.size() + structure.room() < capacity) {
+    structure.clear();
+    auto& workspace = fresh_workspace();
+    for (const Record& r : live) structure.insert(workspace, r, counters);
+  }
+  return live.size();
 }
 
 /// Concatenates names at compile time: `kJoined<kPrefix, kSuffix>` is a string_view of both.

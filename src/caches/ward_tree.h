@@ -1,28 +1,32 @@
-// Ward's octree: every record is stored once, in the cell that fits its extent; a query visits the cells whose enlarged
-// cube holds the point (core/octree.h). The structure of Dubla 2012, Listing 7.1, under every access mechanism.
+// Ward's octree: every record is stored once, in the cell that fits its extent; a query visits the cells
+// whose enlarged cube holds the point (core/octree.h). The structure of Dubla 2012, Listing 7.1, under every
+// access mechanism.
 //
-// Use: this is a *structure*. WardTree<PlainSync> is the sequential one that locks and thread-local copies wrap;
-// WardTree<StdSync> is the wait-free cache; WardTree<PlainSync, SpinNodeLock<>> locks node by node. All three are this
-// code.
+// Use: this is a *structure*. WardTree<PlainSync> is the sequential one that locks and thread-local copies
+// wrap; WardTree<StdSync> is the wait-free cache; WardTree<PlainSync, SpinNodeLock<>> locks node by node. All
+// three are this code.
 //
-// A node's records are a list of chunks of 4, 8, 16, ... slots. A slot's place is fixed by one fetch_add on the node's
-// count, so appends never compete for a link in a loop.
+// A node's records are a list of chunks of 4, 8, 16, ... slots. A slot's place is fixed by one fetch_add on
+// the node's count, so appends never compete for a link in a loop.
 //
 // Publication pairs (StdSync)
 //   P1  append: slot state store release        -> scan: slot state load acquire; publishes the record
-//   P2  install: child CAS release              -> descend: child load acquire; publishes the node (zeroed memory)
-//   P3  install: chunk link CAS release         -> walk: link load acquire; publishes the chunk (zeroed memory)
-//   P2 and P3 carry the zeroing of memory that a `clear` in another thread did.
+//   P2  install: child CAS release              -> descend: child load acquire; publishes the node (zeroed
+//   memory) P3  install: chunk link CAS release         -> walk: link load acquire; publishes the chunk
+//   (zeroed memory) P2 and P3 carry the zeroing of memory that a `clear` in another thread did.
 //
 // Progress (StdSync), in shared-memory steps; D = kMaxLevel, C = kMaxChunks:
-//   insert  wait-free: per level one load and at most one CAS (the loser adopts the winner's node); one load and one
-//           fetch_add for the slot; per chunk up to its own one load and at most one CAS; one store. With allocation by
-//           one load and one fetch_add each: at most 4 D + 4 C + 3 = 4 * 20 + 4 * 26 + 3 steps.
-//   visit   wait-free: per visited node at most 8 child loads, one count load, one load a slot below that count and one
-//           a chunk. The count is read once, so records that arrive meanwhile cost nothing. The cells to visit are fixed
-//           by the point: 8 a level, up to 27 where the slack of kSlack units counts, 125 in the smallest cells.
-// Linearization (StdSync): a record becomes visible by its P1 store. A visit walks several lists and so has no
-// linearization point: it is per-record linearizable, not a snapshot.
+//   insert  wait-free: per level one load and at most one CAS (the loser adopts the winner's node); one load
+//   and one
+//           fetch_add for the slot; per chunk up to its own one load and at most one CAS; one store. With
+//           allocation by one load and one fetch_add each: at most 4 D + 4 C + 3 = 4 * 20 + 4 * 26 + 3 steps.
+//   visit   wait-free: per visited node at most 8 child loads, one count load, one load a slot below that
+//   count and one
+//           a chunk. The count is read once, so records that arrive meanwhile cost nothing. The cells to
+//           visit are fixed by the point: 8 a level, up to 27 where the slack of kSlack units counts, 125 in
+//           the smallest cells.
+// Linearization (StdSync): a record becomes visible by its P1 store. A visit walks several lists and so has
+// no linearization point: it is per-record linearizable, not a snapshot.
 #pragma once
 
 #include <bit>
@@ -46,7 +50,7 @@ class WardTree {
   struct Chunk;
   static constexpr std::size_t kNodeBytes = 64;
   static constexpr std::size_t kSlotUnitBytes = 16;
-  static constexpr int kMaxChunks = 26;  // 4 (2^26 - 1) slots in a node's list, twice kMaxCapacity
+  static constexpr int kMaxChunks = 26;  // 4 (2^26 - 1) slots in a node's list, four times kMaxCapacity
   // Under a lock per node the nodes are plain memory, but sessions still allocate side by side.
   using PoolSync = std::conditional_t<NodeLock::kOn, StdSync, Sync>;
   using NodeArena = Arena<PoolSync, kNodeBytes>;
@@ -55,16 +59,31 @@ class WardTree {
  public:
   static constexpr std::string_view kPrefix = "";
   static constexpr std::string_view kStructure = "ward";
-  static constexpr CacheTraits kTraits =
-      Sync::kConcurrent ? CacheTraits{"wait_free",        kStructure,          "wait_free",
-                                      Progress::wait_free, Progress::wait_free, Consistency::per_record_linearizable,
-                                      false,              "Dubla 2012, 7.2.3 (WF)"}
-      : NodeLock::kOn ? CacheTraits{"node_lock",        kStructure,         "node_lock",
-                                    Progress::blocking, Progress::blocking, Consistency::per_record_linearizable,
-                                    false,              "a lock per node"}
-                      : CacheTraits{"sequential",        kStructure,          "none",
-                                    Progress::wait_free, Progress::wait_free, Consistency::linearizable,
-                                    true,                "Dubla 2012, Listing 7.1; Ward et al. 1988"};
+  static constexpr CacheTraits kTraits = Sync::kConcurrent ? CacheTraits{"wait_free",
+                                                                         kStructure,
+                                                                         "wait_free",
+                                                                         Progress::wait_free,
+                                                                         Progress::wait_free,
+                                                                         Consistency::per_record_linearizable,
+                                                                         false,
+                                                                         "Dubla 2012, 7.2.3 (WF)"}
+                                         : NodeLock::kOn
+                                             ? CacheTraits{"node_lock",
+                                                           kStructure,
+                                                           "node_lock",
+                                                           Progress::blocking,
+                                                           Progress::blocking,
+                                                           Consistency::per_record_linearizable,
+                                                           false,
+                                                           "a lock per node"}
+                                             : CacheTraits{"sequential",
+                                                           kStructure,
+                                                           "none",
+                                                           Progress::wait_free,
+                                                           Progress::wait_free,
+                                                           Consistency::linearizable,
+                                                           true,
+                                                           "Dubla 2012, Listing 7.1; Ward et al. 1988"};
 
   /// A session's own allocation state.
   class Workspace {
@@ -78,8 +97,9 @@ class WardTree {
   explicit WardTree(const CacheConfig& config)
       : addressing_(config.bounds),
         a_max_(config.a_max),
-        nodes_(std::uint64_t{config.capacity} * kMaxLevel + std::uint64_t{config.max_sessions} * kNodePiece + 1),
-        slots_(std::uint64_t{config.capacity} * kWorstSlotUnits + std::uint64_t{config.max_sessions} * 2 * kSlotPiece) {
+        nodes_(kSpare * config.capacity * kMaxLevel + std::uint64_t{config.max_sessions} * kNodePiece + 1),
+        slots_(kSpare * config.capacity * kWorstSlotUnits +
+               std::uint64_t{config.max_sessions} * 2 * kSlotPiece) {
     nodes_.take(1);  // the root
   }
 
@@ -116,17 +136,20 @@ class WardTree {
       typename NodeLock::template Scope<Counters> scope(n.lock, counters);
       scan(n, x, a, counters, f);
       if (cell.level == kMaxLevel) continue;
-      for (unsigned rest = neighbourhood.children(cell.level, cell.x, cell.y, cell.z); rest != 0; rest &= rest - 1) {
+      for (unsigned rest = neighbourhood.children(cell.level, cell.x, cell.y, cell.z); rest != 0;
+           rest &= rest - 1) {
         const auto i = static_cast<unsigned>(std::countr_zero(rest));
         const UnitIndex child = n.child[i].load(std::memory_order_acquire /* P2 */);
         if (child == 0) continue;
-        stack[top++] = {child, 2 * cell.x + static_cast<int>(i & 1), 2 * cell.y + static_cast<int>((i >> 1) & 1),
-                        2 * cell.z + static_cast<int>(i >> 2), cell.level + 1};
+        stack[top++] = {child, 2 * cell.x + static_cast<int>(i & 1),
+                        2 * cell.y + static_cast<int>((i >> 1) & 1), 2 * cell.z + static_cast<int>(i >> 2),
+                        cell.level + 1};
       }
     }
   }
 
-  /// f(Record&) -> UpdateResult for every record, in parallel over nodes; dropped ones leave no hole. Quiescent.
+  /// f(Record&) -> UpdateResult for every record, in parallel over nodes; dropped ones leave no hole.
+  /// Quiescent.
   template <class F>
   void update(F&& f) {
     tbb::parallel_for(tbb::blocked_range<UnitIndex>(kRoot, nodes_.end(), 64), [&](const auto& range) {
@@ -168,12 +191,12 @@ class WardTree {
   }
 
  private:
-  // Invariants: chunk k of a list holds slots [4 (2^k - 1), 4 (2^(k+1) - 1)); a slot's state goes from 0 to 1 once
-  // between quiescent points; a child or link word goes from 0 to an index once between clears.
+  // Invariants: chunk k of a list holds slots [4 (2^k - 1), 4 (2^(k+1) - 1)); a slot's state goes from 0 to 1
+  // once between quiescent points; a child or link word goes from 0 to an index once between clears.
   struct alignas(kNodeBytes) Node {
-    Atomic<UnitIndex> child[8];  // node arena
+    Atomic<UnitIndex> child[8];   // node arena
     Atomic<std::uint32_t> count;  // slots handed out; those whose chunk could not be had stay empty
-    Atomic<UnitIndex> head;      // slot arena: chunk 0
+    Atomic<UnitIndex> head;       // slot arena: chunk 0
     [[no_unique_address]] NodeLock lock;
   };
   static_assert(sizeof(Node) == kNodeBytes, "a node is one cache line");
@@ -195,9 +218,13 @@ class WardTree {
   static constexpr std::uint32_t kFirstChunk = 4;
   static constexpr std::uint32_t kMaxCount = kFirstChunk * ((1u << kMaxChunks) - 1);
   static constexpr std::uint32_t kUnitsPerSlot = sizeof(Slot) / kSlotUnitBytes;
-  static constexpr std::uint32_t kWorstSlotUnits = 1 + kFirstChunk * kUnitsPerSlot;  // a chunk for a single record
-  static constexpr std::uint32_t kNodePiece = 64;     // 4 KiB
-  static constexpr std::uint32_t kSlotPiece = 1024;   // 16 KiB
+  static constexpr std::uint32_t kWorstSlotUnits =
+      1 + kFirstChunk * kUnitsPerSlot;  // a chunk for a single record
+  // Address space over what the capacity can need: for nodes that dropped records leave behind (see
+  // keep_room) and for chunks that lost races set aside.
+  static constexpr std::uint64_t kSpare = 2;
+  static constexpr std::uint32_t kNodePiece = 64;    // 4 KiB
+  static constexpr std::uint32_t kSlotPiece = 1024;  // 16 KiB
 
   static constexpr std::uint32_t chunk_slots(int k) noexcept { return kFirstChunk << k; }
   static constexpr std::uint32_t chunk_units(int k) noexcept { return 1 + chunk_slots(k) * kUnitsPerSlot; }
@@ -209,7 +236,8 @@ class WardTree {
 
   /// Makes `word` point at `fresh` unless another thread was faster; returns the winner. One CAS.
   template <class Counters>
-  static UnitIndex install(Atomic<UnitIndex>& word, UnitIndex fresh, UnitIndex& spare, Counters& counters) noexcept {
+  static UnitIndex install(Atomic<UnitIndex>& word, UnitIndex fresh, UnitIndex& spare,
+                           Counters& counters) noexcept {
     UnitIndex winner = 0;
     counters.template add<&Counts::cas_attempts>(1);
     if (word.compare_exchange_strong(winner, fresh, std::memory_order_release /* P2, P3 */,
@@ -252,8 +280,8 @@ class WardTree {
 
   template <class Counters>
   bool append(Workspace& workspace, Node& n, const Record& r, Counters& counters) noexcept {
-    // Relaxed: the count only fixes places and extents; the words behind it (P1, P3) publish. The first load keeps it
-    // from wrapping round.
+    // Relaxed: the count only fixes places and extents; the words behind it (P1, P3) publish. The first load
+    // keeps it from wrapping round.
     if (n.count.load(std::memory_order_relaxed) >= kMaxCount / 2) return false;
     const std::uint32_t i = n.count.fetch_add(1, std::memory_order_relaxed);
     const int last = chunk_of(i);
@@ -302,7 +330,9 @@ class WardTree {
   class SlotWalk {
    public:
     SlotWalk(const WardTree& tree, Node& n) noexcept
-        : tree_(tree), link_(&n.head), left_(n.count.load(std::memory_order_relaxed)) {}  // relaxed: quiescent
+        : tree_(tree),
+          link_(&n.head),
+          left_(n.count.load(std::memory_order_relaxed)) {}  // relaxed: quiescent
 
     Slot* next() noexcept {
       if (left_ == 0) return nullptr;

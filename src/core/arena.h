@@ -1,21 +1,20 @@
 // Pool memory: address space reserved once, handed out by fetch_add, zero when handed out.
 //
-// An Arena reserves its whole capacity as address space; pages become memory when first touched, by the thread that
-// uses them (first-touch NUMA placement). A Cursor is one session's view: it takes pieces of the arena by one
-// fetch_add and allocates from its piece without sharing anything.
+// An Arena reserves its whole capacity as address space; pages become memory when first touched, by the
+// thread that uses them (first-touch NUMA placement). A Cursor is one session's view: it takes pieces of the
+// arena by one fetch_add and allocates from its piece without sharing anything.
 //
 // Progress: take and allocate are wait-free, one fetch_add at most. No lock, no malloc.
 #pragma once
 
 #include <sys/mman.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include "core/setup_error.h"
 #include "core/sync.h"
@@ -31,8 +30,10 @@ class Arena {
  public:
   /// Reserves address space for `units` units. Fails at set-up with one line if the system has none.
   explicit Arena(std::uint64_t units) : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
-    void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (memory == MAP_FAILED) fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
+    void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE,
+                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    if (memory == MAP_FAILED)
+      fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
     base_ = static_cast<std::byte*>(memory);
   }
   ~Arena() { ::munmap(base_, bytes(units_)); }
@@ -41,8 +42,9 @@ class Arena {
 
   /// First of `n` consecutive units, all bytes zero; 0 if the arena is used up.
   UnitIndex take(std::uint32_t n) noexcept {
-    // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like the
-    // fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by other words.
+    // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like
+    // the fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by
+    // other words.
     if (next_.load(std::memory_order_relaxed) + n > units_) return 0;
     const std::uint64_t first = next_.fetch_add(n, std::memory_order_relaxed);
     return first + n > units_ ? 0 : static_cast<UnitIndex>(first);
@@ -65,14 +67,17 @@ class Arena {
   }
 
   /// Touches the pages of the next `n` units without taking them. Quiescent.
-  void touch(std::uint32_t n) noexcept { std::memset(at(end()), 0, bytes(std::min<std::uint64_t>(n, left()))); }
+  void touch(std::uint32_t n) noexcept {
+    std::memset(at(end()), 0, bytes(std::min<std::uint64_t>(n, left())));
+  }
 
   /// Zeroes everything that was taken and starts afresh. Quiescent, parallel.
   void reset() noexcept {
     constexpr std::size_t kGrain = std::size_t{1} << 20;
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, bytes(end()), kGrain),
                       [this](const auto& range) { std::memset(base_ + range.begin(), 0, range.size()); });
-    next_.store(1, std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
+    next_.store(1,
+                std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
   }
 
  private:
@@ -89,8 +94,8 @@ class Arena {
 template <class Arena>
 class ArenaCursor {
  public:
-  /// `n` zeroed units, or 0. Takes a piece of `piece` units when its own is too short; larger requests go straight to
-  /// the arena, so that the rest of the piece is not lost.
+  /// `n` zeroed units, or 0. Takes a piece of `piece` units when its own is too short; larger requests go
+  /// straight to the arena, so that the rest of the piece is not lost.
   UnitIndex allocate(Arena& arena, std::uint32_t n, std::uint32_t piece) noexcept {
     if (end_ - begin_ < n) {
       if (n >= piece) return count(arena.take(n), n);

@@ -7,9 +7,9 @@
 //   if (auto E = session.query(x)) use(*E);
 //   else session.insert(gather(x));
 //
-// Operations on sessions may run concurrently, each session in one thread at a time. Everything on the cache itself
-// (frames, clear, update_records, for_each_record) is quiescent: the caller makes sure, through synchronisation of its
-// own, that no session operation is in flight.
+// Operations on sessions may run concurrently, each session in one thread at a time. Everything on the cache
+// itself (frames, clear, update_records, for_each_record) is quiescent: the caller makes sure, through
+// synchronisation of its own, that no session operation is in flight.
 #pragma once
 
 #include <concepts>
@@ -25,15 +25,16 @@
 
 namespace icbench {
 
-/// Progress of one operation (Herlihy & Shavit). `wait_free` operations document a step bound at their definition.
+/// Progress of one operation (Herlihy & Shavit). `wait_free` operations document a step bound at their
+/// definition.
 enum class Progress : std::uint8_t { blocking, lock_free, wait_free };
 
 /// What a query promises to see; the specification is the set of records, the value follows from it.
 /// Integrity (nothing lost, duplicated, torn, invented or resurrected) is promised by every cache on top.
 enum class Consistency : std::uint8_t {
-  none,                     ///< the cache keeps nothing
-  frame,                    ///< own inserts at once, everybody's after end_frame
-  regular,                  ///< all inserts that returned before the query was called, none called after it returned
+  none,     ///< the cache keeps nothing
+  frame,    ///< own inserts at once, everybody's after end_frame
+  regular,  ///< all inserts that returned before the query was called, none called after it returned
   per_record_linearizable,  ///< regular, and what one query saw no later query misses
   linearizable              ///< an atomic snapshot
 };
@@ -51,9 +52,10 @@ struct CacheTraits {
 };
 
 struct CacheConfig {
-  Bounds bounds{};                   ///< records and queries outside are refused
-  float a_max = 0.5f;                ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
-  float a = 0.5f;                    ///< accuracy of queries, 0 < a <= a_max; smaller is finer
+  Bounds bounds{};  ///< records and queries outside are refused
+  float a_max =
+      0.5f;        ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
+  float a = 0.5f;  ///< accuracy of queries, 0 < a <= a_max; smaller is finer
   std::uint32_t capacity = 1 << 20;  ///< records that fit for certain
   std::uint32_t max_sessions = 1;    ///< threads that will open a session
   Interpolation interpolation = Interpolation::split_sphere;
@@ -63,7 +65,7 @@ struct CacheConfig {
 inline constexpr std::uint32_t kMaxSessions = 8192;
 
 /// Most records a cache can promise room for: pool indices are 32 bits.
-inline constexpr std::uint32_t kMaxCapacity = 1u << 27;
+inline constexpr std::uint32_t kMaxCapacity = 1u << 26;
 
 /// One clear line if the configuration cannot be used, else nullptr.
 inline const char* config_error(const CacheConfig& c) noexcept {
@@ -72,23 +74,31 @@ inline const char* config_error(const CacheConfig& c) noexcept {
   if (!is_finite(c.bounds.upper - c.bounds.lower)) return "cache bounds are too large for single precision";
   if (!(c.a > 0.0f) || !(c.a <= c.a_max)) return "cache accuracy a must lie in (0, a_max]";
   if (!(c.a_max <= 10.0f)) return "cache accuracy a_max must not exceed 10";
-  if (c.capacity == 0 || c.capacity > kMaxCapacity) return "cache capacity must lie in [1, 134217728] records";
+  if (c.capacity == 0 || c.capacity > kMaxCapacity) return "cache capacity must lie in [1, 67108864] records";
   if (c.max_sessions == 0 || c.max_sessions > kMaxSessions) return "cache max_sessions must lie in [1, 8192]";
   return nullptr;
 }
 
 template <class S>
-concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r, std::span<const SurfacePoint> points,
+concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r,
+                                std::span<const SurfacePoint> points,
                                 std::span<std::optional<Irradiance>> out, std::uint32_t n) {
   // Calls f(const Record&, float weight) for every record valid at x, each once; order unspecified.
-  { s.visit(x, [](const Record&, float) noexcept {}) } noexcept;
+  {
+    s.visit(x, [](const Record&, float) noexcept {})
+  }
+  noexcept;
   // The interpolated irradiance; nullopt exactly when no record is valid at x.
-  { s.query(x) } noexcept -> std::same_as<std::optional<Irradiance>>;
+  { s.query(x) }
+  noexcept->std::same_as<std::optional<Irradiance>>;
   // query for each of `points`; `out` has the same length.
-  { s.query_batch(points, out) } noexcept;
-  { s.insert(r) } noexcept -> std::same_as<InsertResult>;
+  { s.query_batch(points, out) }
+  noexcept;
+  { s.insert(r) }
+  noexcept->std::same_as<InsertResult>;
   // Takes and touches memory for about n inserts, so that page faults fall outside a measured region.
-  { s.prefault(n) } noexcept;
+  { s.prefault(n) }
+  noexcept;
 };
 
 template <class C>
@@ -96,22 +106,23 @@ concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config
   { C::kTraits } -> std::convertible_to<CacheTraits>;
   requires std::constructible_from<C, const CacheConfig&>;
   requires CacheSession<typename C::Session>;
-  // Once per thread, 0 <= thread < max_sessions; the session survives frames and clear; the cache owns its memory.
+  // Once per thread, 0 <= thread < max_sessions; the session survives frames and clear; the cache owns its
+  // memory.
   { c.open_session(thread) } -> std::same_as<typename C::Session>;
-  { c.begin_frame() };
-  { c.end_frame() };
+  {c.begin_frame()};
+  {c.end_frame()};
   // Forgets every record.
-  { c.clear() };
-  // f(Record&) -> UpdateResult for every copy of every record, in parallel (f must stand that). Position, normal and
-  // id stay, the radius may not grow. Invalidates references to records.
-  { c.update_records([](Record&) noexcept { return UpdateResult::keep; }) };
+  {c.clear()};
+  // f(Record&) -> UpdateResult for every copy of every record, in parallel (f must stand that). Position,
+  // normal and id stay, the radius may not grow. Invalidates references to records.
+  {c.update_records([](Record&) noexcept { return UpdateResult::keep; })};
   // f(const Record&) for every record once, one after the other.
-  { view.for_each_record([](const Record&) {}) };
+  {view.for_each_record([](const Record&) {})};
   // Memory taken from the system for records and nodes so far, bytes.
   { view.memory_bytes() } -> std::same_as<std::size_t>;
   // Contention counters summed over all sessions; all zero when the cache is built with NoCounters.
   { view.counters() } -> std::same_as<Counts>;
-  { c.reset_counters() };
+  {c.reset_counters()};
 };
 
 }  // namespace icbench

@@ -1,4 +1,5 @@
-// Contention counters: kept per session in plain memory, summed at quiescent points, and compiled out by NoCounters.
+// Contention counters: kept per session in plain memory, summed at quiescent points, and compiled out by
+// NoCounters.
 #pragma once
 
 #include <cstdint>

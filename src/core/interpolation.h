@@ -1,5 +1,5 @@
-// Which records are valid at a point, and how they are weighted: the one definition that caches, oracle and checkers
-// share, bit for bit.
+// Which records are valid at a point, and how they are weighted: the one definition that caches, oracle and
+// checkers share, bit for bit.
 //
 // Split-sphere weight (Ward, Rubinstein, Clear 1988, eq. 4):  w_i = 1 / (|p - p_i| / R_i + sqrt(1 - n.n_i)),
 // usable where w_i > 1/a, that is where the error term below is less than a. E(p) = sum w_i E_i / sum w_i.
@@ -7,9 +7,10 @@
 // Hard cases:
 //   p = p_i, n = n_i   the error term is 0; the weight is 1 / kMinError, not infinite.
 //   n.n_i > 1          happens by rounding for a quarter of unit normals; clamped before the root.
-//   coplanar records   (p - p_i).(n + n_i)/2 is 0 up to rounding; the in-front test tolerates kInFrontTolerance R_i.
-//                      Rounding of p - p_i is at most 2e-7 of the largest coordinate, so no coplanar record is lost
-//                      while R_i >= 2e-5 of that coordinate; RadiusLimits keeps it so.
+//   coplanar records   (p - p_i).(n + n_i)/2 is 0 up to rounding; the in-front test tolerates
+//   kInFrontTolerance R_i.
+//                      Rounding of p - p_i is at most 2e-7 of the largest coordinate, so no coplanar record
+//                      is lost while R_i >= 2e-5 of that coordinate; RadiusLimits keeps it so.
 //   huge and tiny E    w is in [1/a, 1e4], so w E stays finite up to E = 1e34.
 #pragma once
 
@@ -32,24 +33,27 @@ inline constexpr float kMinError = 1e-4f;
 /// Share of R_i that the query point may lie in front of a record and still count as coplanar.
 inline constexpr float kInFrontTolerance = 0.01f;
 
-/// Smallest radius, as a share of the scene's largest coordinate, at which the in-front test is safe from rounding.
+/// Smallest radius, as a share of the scene's largest coordinate, at which the in-front test is safe from
+/// rounding.
 inline constexpr float kMinRadiusShare = 2e-5f;
 
-/// The split-sphere error term eps = |p - p_i| / R_i + sqrt(1 - n.n_i), >= 0; the weight is 1 / max(eps, kMinError).
-/// Dimensionless. Finite for storable records and askable points up to |p - p_i| / R_i = 1e19.
+/// The split-sphere error term eps = |p - p_i| / R_i + sqrt(1 - n.n_i), >= 0; the weight is 1 / max(eps,
+/// kMinError). Dimensionless. Finite for storable records and askable points up to |p - p_i| / R_i = 1e19.
 inline float split_sphere_error(const SurfacePoint& x, const Record& r) noexcept {
   const glm::vec3 d = x.p - r.p;
   const float bend = 1.0f - std::min(glm::dot(x.n, r.n), 1.0f);
   return std::sqrt(glm::dot(d, d)) / r.R + std::sqrt(bend);
 }
 
-/// Whether `r` lies in front of the point: light that reached the record may not reach the point (Ward et al. 1988).
+/// Whether `r` lies in front of the point: light that reached the record may not reach the point (Ward et al.
+/// 1988).
 inline bool lies_in_front(const SurfacePoint& x, const Record& r) noexcept {
   const float d = 0.5f * glm::dot(x.p - r.p, x.n + r.n);
   return d < -kInFrontTolerance * r.R;
 }
 
-/// Weight of `r` at `x` for accuracy `a` (larger is coarser), in [1/a, 1/kMinError]; 0 where the record is not valid.
+/// Weight of `r` at `x` for accuracy `a` (larger is coarser), in [1/a, 1/kMinError]; 0 where the record is
+/// not valid.
 inline float split_sphere_weight(const SurfacePoint& x, const Record& r, float a) noexcept {
   const float error = split_sphere_error(x, r);
   if (!(error < a) || lies_in_front(x, r)) return 0.0f;

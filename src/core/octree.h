@@ -1,15 +1,15 @@
 // Octree addressing: which cell holds a record, and which cells a query must visit.
 //
-// Everything below the first float-to-integer step is integer arithmetic, so that insert and query can never disagree
-// by rounding. Coordinates are in units of the smallest cell, 2^-kMaxLevel of the root's side.
+// Everything below the first float-to-integer step is integer arithmetic, so that insert and query can never
+// disagree by rounding. Coordinates are in units of the smallest cell, 2^-kMaxLevel of the root's side.
 //
-// Ward's scheme (Ward, Rubinstein, Clear 1988): a record of extent r = a_max R is stored once, in the cell around its
-// position whose side s satisfies 2 r <= s < 4 r (the root if r is larger than that allows, the smallest cell if r is
-// tiny). Its validity sphere then stays within the cell enlarged by s/2 on every side, so a query visits exactly the
-// cells whose enlarged cube holds the point: about 2^3 a level.
+// Ward's scheme (Ward, Rubinstein, Clear 1988): a record of extent r = a_max R is stored once, in the cell
+// around its position whose side s satisfies 2 r <= s < 4 r (the root if r is larger than that allows, the
+// smallest cell if r is tiny). Its validity sphere then stays within the cell enlarged by s/2 on every side,
+// so a query visits exactly the cells whose enlarged cube holds the point: about 2^3 a level.
 //
-// Rounding: |u(p) - u(p_i)| <= r in units + 1 (two floors) + 0.44 (scaling, and the float test of validity), so the
-// enlargement by s/2 gets a slack of kSlack = 2 units and no valid record is ever missed.
+// Rounding: |u(p) - u(p_i)| <= r in units + 1 (two floors) + 0.44 (scaling, and the float test of validity),
+// so the enlargement by s/2 gets a slack of kSlack = 2 units and no valid record is ever missed.
 #pragma once
 
 #include <algorithm>
@@ -53,7 +53,8 @@ class OctreeAddressing {
   /// Which child of a cell at `level` holds `u`: bit 0 for x, 1 for y, 2 for z.
   static unsigned octant(const GridPoint& u, int level) noexcept {
     const int shift = kMaxLevel - level - 1;
-    return ((static_cast<unsigned>(u.x) >> shift) & 1u) | (((static_cast<unsigned>(u.y) >> shift) & 1u) << 1) |
+    return ((static_cast<unsigned>(u.x) >> shift) & 1u) |
+           (((static_cast<unsigned>(u.y) >> shift) & 1u) << 1) |
            (((static_cast<unsigned>(u.z) >> shift) & 1u) << 2);
   }
 
@@ -75,7 +76,8 @@ class WardNeighbourhood {
  public:
   explicit WardNeighbourhood(const GridPoint& u) noexcept : u_(u) {}
 
-  /// Bit i is set if child i of cell (x, y, z) at `level` (coordinates in units of that level's cells) is to be visited.
+  /// Bit i is set if child i of cell (x, y, z) at `level` (coordinates in units of that level's cells) is to
+  /// be visited.
   unsigned children(int level, std::int32_t x, std::int32_t y, std::int32_t z) const noexcept {
     const int shift = kMaxLevel - level - 1;
     const std::int32_t reach = ((1 << shift) >> 1) + kSlack;

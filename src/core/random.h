@@ -1,4 +1,5 @@
-// Counter-based random numbers: a value depends on its key and dimension alone, never on the thread that draws it.
+// Counter-based random numbers: a value depends on its key and dimension alone, never on the thread that
+// draws it.
 #pragma once
 
 #include <cstdint>
@@ -24,7 +25,9 @@ class Pcg32 {
  public:
   using result_type = std::uint32_t;
 
-  explicit constexpr Pcg32(std::uint64_t key) noexcept : state_(mix64(key)), increment_(mix64(~key) | 1u) { (*this)(); }
+  explicit constexpr Pcg32(std::uint64_t key) noexcept : state_(mix64(key)), increment_(mix64(~key) | 1u) {
+    (*this)();
+  }
 
   constexpr std::uint32_t operator()() noexcept {
     const std::uint64_t old = state_;

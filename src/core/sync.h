@@ -1,8 +1,9 @@
 // Where a structure's shared words live: the policy that turns one structure into its wait-free form, its
 // unsynchronised twin, or a form whose every step a test controls.
 //
-// A policy offers `template <class T> using Atomic`, with load, store, fetch_add and compare_exchange_strong that take
-// explicit memory orders. All-zero bytes must be a valid Atomic<T> of value 0: structures live in zeroed pool memory.
+// A policy offers `template <class T> using Atomic`, with load, store, fetch_add and compare_exchange_strong
+// that take explicit memory orders. All-zero bytes must be a valid Atomic<T> of value 0: structures live in
+// zeroed pool memory.
 #pragma once
 
 #include <atomic>
@@ -55,7 +56,8 @@ struct PlainSync {
 static_assert(sizeof(std::atomic<std::uint32_t>) == 4 && sizeof(PlainAtomic<std::uint32_t>) == 4,
               "the twins must have one memory layout, or comparing them says nothing");
 
-/// Distance at which two threads' data do not share a cache line, adjacent-line prefetch included (x86, ARM). Bytes.
+/// Distance at which two threads' data do not share a cache line, adjacent-line prefetch included (x86, ARM).
+/// Bytes.
 inline constexpr std::size_t kNoSharing = 128;
 
 }  // namespace icbench

@@ -23,14 +23,14 @@ struct SurfacePoint {
 
 /// One cached sample of indirect irradiance.
 ///
-/// The 32-bit id is the caller's: caches carry it unchanged, never interpret it, and tests use it to tell records
-/// apart.
+/// The 32-bit id is the caller's: caches carry it unchanged, never interpret it, and tests use it to tell
+/// records apart.
 struct Record {
-  glm::vec3 p;      ///< position, metres, inside the cache's bounds
-  glm::vec3 n;      ///< unit surface normal
-  float R;          ///< radius, metres, > 0: harmonic mean distance to the surfaces seen (Ward et al. 1988)
-  Irradiance E;     ///< irradiance, W/m^2
-  std::uint32_t id; ///< caller's identifier
+  glm::vec3 p;       ///< position, metres, inside the cache's bounds
+  glm::vec3 n;       ///< unit surface normal
+  float R;           ///< radius, metres, > 0: harmonic mean distance to the surfaces seen (Ward et al. 1988)
+  Irradiance E;      ///< irradiance, W/m^2
+  std::uint32_t id;  ///< caller's identifier
 };
 static_assert(sizeof(Record) == 44, "records are stored by the million; padding would be paid for each");
 static_assert(std::is_trivially_copyable_v<Record>, "records are copied into raw pool memory");
@@ -60,8 +60,8 @@ inline bool is_finite(const glm::vec3& v) noexcept {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// |n|^2 within 0.2 % of 1: float normalisation errs by less than 1e-6, so anything further off is a caller's mistake.
-/// False for NaN.
+/// |n|^2 within 0.2 % of 1: float normalisation errs by less than 1e-6, so anything further off is a caller's
+/// mistake. False for NaN.
 inline bool is_unit(const glm::vec3& n) noexcept { return std::abs(glm::dot(n, n) - 1.0f) <= 2e-3f; }
 
 /// A query outside these terms is a miss (and counted as invalid).

@@ -1,0 +1,381 @@
+// The contract that every cache in the registry keeps, checked against the brute-force oracle.
+#include <algorithm>
+#include <barrier>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <thread>
+#include <vector>
+
+#include "all_caches.h"
+#include "core/random.h"
+
+namespace icbench {
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+/// A record whose irradiance is a function of its id, so that a torn or invented one is recognised.
+Record make_record(std::uint32_t id, glm::vec3 p, glm::vec3 n, float R) {
+  const std::uint64_t h = mix64(id + 1);
+  return {p, n, R,
+          glm::vec3(static_cast<float>(h & 0xffff), static_cast<float>((h >> 16) & 0xffff),
+                    static_cast<float>((h >> 32) & 0xffff)),
+          id};
+}
+
+bool is_intact(const Record& r) { return r.E == make_record(r.id, r.p, r.n, r.R).E; }
+
+/// Points on the walls of the unit box, normals inwards: what a renderer asks for.
+SurfacePoint random_surface_point(Pcg32& rng) {
+  const unsigned face = rng.below(6);
+  SurfacePoint x{{rng.uniform(), rng.uniform(), rng.uniform()}, {0, 0, 0}};
+  const int axis = static_cast<int>(face % 3);
+  x.p[axis] = face < 3 ? 0.0f : 1.0f;
+  x.n[axis] = face < 3 ? 1.0f : -1.0f;
+  return x;
+}
+
+std::vector<Record> random_records(std::uint32_t n, std::uint64_t seed, std::uint32_t first_id = 0) {
+  Pcg32 rng(seed);
+  std::vector<Record> records;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    records.push_back(make_record(first_id + i, x.p, x.n, 0.02f * std::exp2(5.0f * rng.uniform())));
+  }
+  return records;
+}
+
+std::vector<std::uint32_t> oracle(const std::vector<Record>& records, const SurfacePoint& x, float a) {
+  std::vector<std::uint32_t> ids;
+  for (const Record& r : records) {
+    if (split_sphere_weight(x, r, a) > 0.0f) ids.push_back(r.id);
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+template <class Session>
+std::vector<std::uint32_t> seen(Session& session, const SurfacePoint& x) {
+  std::vector<std::uint32_t> ids;
+  session.visit(x, [&](const Record& r, float) { ids.push_back(r.id); });
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+template <class Cache>
+std::vector<std::uint32_t> stored(const Cache& cache) {
+  std::vector<std::uint32_t> ids;
+  cache.for_each_record([&](const Record& r) { ids.push_back(r.id); });
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+template <class Cache>
+class Contract : public ::testing::Test {
+ protected:
+  static constexpr bool kKeeps = Cache::kTraits.consistency != Consistency::none;
+  static constexpr std::uint32_t kThreads = Cache::kTraits.single_thread ? 1 : 8;
+
+  static CacheConfig config(std::uint32_t capacity = 20000) {
+    CacheConfig c;
+    c.a_max = 0.4f;
+    c.a = 0.3f;
+    c.capacity = capacity;
+    c.max_sessions = kThreads;
+    return c;
+  }
+};
+TYPED_TEST_SUITE(Contract, AllCaches, CacheNames);
+
+TYPED_TEST(Contract, SeesExactlyTheValidRecords) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  const auto records = random_records(3000, 1);
+  for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted);
+  Pcg32 rng(2);
+  std::size_t most = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    const auto expected = oracle(records, x, cache.config().a);
+    ASSERT_EQ(seen(session, x), expected) << "query " << i;
+    most = std::max(most, expected.size());
+  }
+  EXPECT_GT(most, 5u) << "the test's records hardly overlap";
+}
+
+TYPED_TEST(Contract, QueryInterpolatesWhatVisitShows) {
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  for (const Record& r : random_records(1000, 3)) session.insert(r);
+  Pcg32 rng(4);
+  for (int i = 0; i < 500; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    glm::dvec3 sum(0.0);
+    double weights = 0.0;
+    session.visit(x, [&](const Record& r, float w) {
+      sum += static_cast<double>(w) * glm::dvec3(r.E);
+      weights += w;
+    });
+    const auto E = session.query(x);
+    ASSERT_EQ(E.has_value(), weights > 0.0);
+    if (E) {
+      ASSERT_NEAR(E->x, sum.x / weights, 1e-4 * (1.0 + sum.x / weights));
+    }
+  }
+}
+
+TYPED_TEST(Contract, BatchAnswersAsSingleQueries) {
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  for (const Record& r : random_records(1000, 5)) session.insert(r);
+  Pcg32 rng(6);
+  std::vector<SurfacePoint> points;
+  for (int i = 0; i < 257; ++i) points.push_back(random_surface_point(rng));
+  points.push_back({{2, 2, 2}, {0, 0, 1}});
+  std::vector<std::optional<Irradiance>> out(points.size());
+  session.query_batch(points, out);
+  for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(out[i], session.query(points[i])) << i;
+}
+
+TYPED_TEST(Contract, RejectsBadRecordsAndCountsThem) {
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  const Record good = make_record(1, {0.5f, 0.5f, 0.0f}, {0, 0, 1}, 0.1f);
+  Record r = good;
+  r.p.x = kNaN;
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  r = good;
+  r.n = glm::vec3(0.0f);
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  r = good;
+  r.R = -1.0f;
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  r = good;
+  r.p.z = 1.5f;
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  r = good;
+  r.E.y = std::numeric_limits<float>::infinity();
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  EXPECT_EQ(cache.counters().rejected, 5u);
+  EXPECT_TRUE(stored(cache).empty());
+}
+
+TYPED_TEST(Contract, BadQueriesMissAndAreCounted) {
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  session.insert(make_record(1, {0.5f, 0.5f, 0.0f}, {0, 0, 1}, 10.0f));
+  EXPECT_FALSE(session.query({{kNaN, 0.5f, 0.5f}, {0, 0, 1}}).has_value());
+  EXPECT_FALSE(session.query({{0.5f, 0.5f, 1.1f}, {0, 0, 1}}).has_value());
+  EXPECT_FALSE(session.query({{0.5f, 0.5f, 0.5f}, {0, 0, 0}}).has_value());
+  EXPECT_FALSE(session.query({{0.5f, 0.5f, 0.5f}, {0, kNaN, 1}}).has_value());
+  EXPECT_EQ(cache.counters().invalid_queries, 4u);
+  EXPECT_EQ(cache.counters().queries, 4u);
+}
+
+TYPED_TEST(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 1000;
+  TypeParam cache(this->config(kCapacity));
+  auto session = cache.open_session(0);
+  const auto records = random_records(kCapacity + 200, 7);
+  for (std::uint32_t i = 0; i < records.size(); ++i) {
+    ASSERT_EQ(session.insert(records[i]), i < kCapacity ? InsertResult::inserted : InsertResult::full) << i;
+  }
+  EXPECT_EQ(cache.counters().full, 200u);
+  const std::vector<Record> accepted(records.begin(), records.begin() + kCapacity);
+  Pcg32 rng(8);
+  for (int i = 0; i < 300; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    ASSERT_EQ(seen(session, x), oracle(accepted, x, cache.config().a));
+  }
+  cache.clear();
+  EXPECT_EQ(session.insert(records[0]), InsertResult::inserted) << "clear makes room";
+}
+
+TYPED_TEST(Contract, HoldsItsCapacityWhateverTheRadii) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  // Tiny radii far apart: every record needs a path of nodes of its own.
+  constexpr std::uint32_t kCapacity = 500;
+  TypeParam cache(this->config(kCapacity));
+  auto session = cache.open_session(0);
+  Pcg32 rng(9);
+  for (std::uint32_t i = 0; i < kCapacity; ++i) {
+    ASSERT_EQ(session.insert(make_record(i, {rng.uniform(), rng.uniform(), rng.uniform()}, {0, 0, 1}, 1e-9f)),
+              InsertResult::inserted);
+  }
+  EXPECT_EQ(stored(cache).size(), kCapacity);
+}
+
+TYPED_TEST(Contract, FindsTenThousandCoincidentRecords) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  for (const float R : {1e-12f, 0.1f, 100.0f}) {
+    TypeParam cache(this->config(10000));
+    auto session = cache.open_session(0);
+    const SurfacePoint x{{0.25f, 0.5f, 0.0f}, {0, 0, 1}};
+    for (std::uint32_t i = 0; i < 10000; ++i)
+      ASSERT_EQ(session.insert(make_record(i, x.p, x.n, R)), InsertResult::inserted);
+    EXPECT_EQ(seen(session, x).size(), 10000u) << "radius " << R;
+  }
+}
+
+TYPED_TEST(Contract, ClearForgetsAndSessionsSurvive) {
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  for (std::uint32_t round = 0; round < 3; ++round) {
+    const auto records = random_records(800, 10 + round, 1000 * round);
+    for (const Record& r : records) session.insert(r);
+    if (TestFixture::kKeeps) {
+      EXPECT_EQ(stored(cache).size(), 800u);
+    }
+    const SurfacePoint x{{0.5f, 0.5f, 0.0f}, {0, 0, 1}};
+    if (TestFixture::kKeeps) {
+      EXPECT_EQ(seen(session, x), oracle(records, x, cache.config().a));
+    }
+    cache.clear();
+    EXPECT_TRUE(stored(cache).empty());
+    EXPECT_TRUE(seen(session, x).empty());
+  }
+}
+
+TYPED_TEST(Contract, FramesMakeEveryRecordVisibleToEverySession) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  TypeParam cache(this->config());
+  std::vector<typename TypeParam::Session> sessions;
+  for (std::uint32_t t = 0; t < TestFixture::kThreads; ++t) sessions.push_back(cache.open_session(t));
+  std::vector<Record> all;
+  for (std::uint32_t frame = 0; frame < 3; ++frame) {
+    cache.begin_frame();
+    const auto records = random_records(400, 20 + frame, 1000 * frame);
+    for (std::size_t i = 0; i < records.size(); ++i) sessions[i % sessions.size()].insert(records[i]);
+    all.insert(all.end(), records.begin(), records.end());
+    cache.end_frame();
+    Pcg32 rng(30 + frame);
+    for (int i = 0; i < 100; ++i) {
+      const SurfacePoint x = random_surface_point(rng);
+      const auto expected = oracle(all, x, cache.config().a);
+      for (auto& session : sessions) ASSERT_EQ(seen(session, x), expected);
+    }
+  }
+}
+
+TYPED_TEST(Contract, OwnInsertsAreSeenAtOnce) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  for (const Record& r : random_records(500, 40)) {
+    session.insert(r);
+    const auto ids = seen(session, {r.p, r.n});
+    ASSERT_TRUE(std::binary_search(ids.begin(), ids.end(), r.id));
+  }
+}
+
+TYPED_TEST(Contract, UpdateKeepsChangesAndDrops) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  TypeParam cache(this->config());
+  auto session = cache.open_session(0);
+  std::vector<Record> records = random_records(3000, 50);
+  for (const Record& r : records) session.insert(r);
+  // Some are merged already, some not: the update has to reach all copies.
+  cache.end_frame();
+  const auto late = random_records(500, 51, 5000);
+  for (const Record& r : late) session.insert(r);
+  records.insert(records.end(), late.begin(), late.end());
+
+  cache.update_records([](Record& r) {
+    if (r.id % 3 == 0) return UpdateResult::drop;
+    if (r.id % 3 == 1) r.R *= 0.5f;
+    return UpdateResult::keep;
+  });
+  std::vector<Record> expected;
+  for (Record r : records) {
+    if (r.id % 3 == 0) continue;
+    if (r.id % 3 == 1) r.R *= 0.5f;
+    expected.push_back(r);
+  }
+  Pcg32 rng(52);
+  for (int i = 0; i < 500; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    ASSERT_EQ(seen(session, x), oracle(expected, x, cache.config().a));
+  }
+  // What was dropped makes room, and the structure takes new records as before.
+  for (const Record& r : random_records(1000, 53, 10000)) {
+    ASSERT_EQ(session.insert(r), InsertResult::inserted);
+    expected.push_back(r);
+  }
+  for (int i = 0; i < 500; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    ASSERT_EQ(seen(session, x), oracle(expected, x, cache.config().a));
+  }
+}
+
+TYPED_TEST(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  TypeParam cache(this->config(kCapacity));
+  auto session = cache.open_session(0);
+  const auto records = random_records(kCapacity, 60);
+  for (int frame = 0; frame < 50; ++frame) {
+    for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted) << "frame " << frame;
+    cache.end_frame();
+    cache.update_records([](Record&) { return UpdateResult::drop; });
+    ASSERT_TRUE(stored(cache).empty());
+  }
+}
+
+TYPED_TEST(Contract, RefusesSessionsItHasNoRoomFor) {
+  TypeParam cache(this->config());
+  EXPECT_THROW(cache.open_session(TestFixture::kThreads), std::runtime_error);
+  CacheConfig bad = this->config();
+  bad.capacity = 0;
+  EXPECT_THROW(TypeParam{bad}, std::runtime_error);
+}
+
+TYPED_TEST(Contract, ConcurrentInsertsAreAllThereAndIntact) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kEach = 1500;
+  const std::uint32_t threads = TestFixture::kThreads;
+  for (int round = 0; round < 3; ++round) {
+    TypeParam cache(this->config(threads * kEach));
+    std::barrier start(threads);
+    std::vector<std::uint32_t> torn(threads, 0), missed(threads, 0);
+    std::vector<std::vector<std::uint32_t>> accepted(threads);
+    {
+      std::vector<std::jthread> team;
+      for (std::uint32_t t = 0; t < threads; ++t) {
+        team.emplace_back([&, t] {
+          auto session = cache.open_session(t);
+          // Every thread inserts at the same places, so that children and chunks are raced for.
+          auto records = random_records(kEach, 70 + static_cast<std::uint64_t>(round), t * kEach);
+          Pcg32 rng(80 + t);
+          start.arrive_and_wait();
+          for (const Record& r : records) {
+            const bool inserted = session.insert(r) == InsertResult::inserted;
+            if (inserted) accepted[t].push_back(r.id);
+            session.visit(random_surface_point(rng),
+                          [&](const Record& s, float) { torn[t] += !is_intact(s); });
+            bool own = false;
+            session.visit({r.p, r.n}, [&](const Record& s, float) { own |= s.id == r.id; });
+            missed[t] += inserted && !own;
+          }
+        });
+      }
+    }
+    cache.end_frame();
+    std::vector<std::uint32_t> expected;
+    for (std::uint32_t t = 0; t < threads; ++t) {
+      EXPECT_EQ(torn[t], 0u);
+      EXPECT_EQ(missed[t], 0u);
+      expected.insert(expected.end(), accepted[t].begin(), accepted[t].end());
+    }
+    std::sort(expected.begin(), expected.end());
+    EXPECT_EQ(stored(cache), expected);
+    // Tickets are drawn in batches, so up to a batch a session may be refused although nothing else is full.
+    EXPECT_GE(expected.size(), threads * kEach - threads * 64);
+    cache.for_each_record([&](const Record& r) { EXPECT_TRUE(is_intact(r)); });
+  }
+}
+
+}  // namespace
+}  // namespace icbench
