@@ -3,8 +3,6 @@
 // Query: every record is tested by the shared predicate, in order of insertion. Insert: one copy. One thread.
 #pragma once
 
-#include <tbb/parallel_for.h>
-
 #include "caches/session.h"
 #include "core/arena.h"
 
@@ -59,7 +57,9 @@ class LinearList {
   void update(F&& f) {
     const UnitIndex end = pool_.end();
     std::vector<UpdateResult> verdicts(end);
-    tbb::parallel_for(UnitIndex{1}, end, [&](UnitIndex i) { verdicts[i] = f(record(i)); });
+    parallel_chunks(end - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first + 1; i <= last; ++i) verdicts[i] = f(record(static_cast<UnitIndex>(i)));
+    });
     UnitIndex kept = 1;
     for (UnitIndex i = 1; i < end; ++i) {
       if (verdicts[i] == UpdateResult::keep) record(kept++) = record(i);
@@ -78,6 +78,8 @@ class LinearList {
   static std::size_t bytes(const Workspace& workspace) noexcept { return workspace.records_ * kRecordBytes; }
 
  private:
+  static constexpr std::size_t kUpdateGrain = 1024;
+
   Record& record(UnitIndex i) const noexcept { return *std::launder(static_cast<Record*>(pool_.at(i))); }
 
   Pool pool_;

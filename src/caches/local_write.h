@@ -49,8 +49,8 @@ class LocalWrite {
 
   /// Merges the local structures into the shared one and empties them.
   void end_frame() {
-    tbb::parallel_for(std::uint32_t{0}, sessions_.size(), [this](std::uint32_t i) {
-      State& s = sessions_[i];
+    parallel_chunks(sessions_.size(), 1, [this](std::size_t i, std::size_t) {
+      State& s = sessions_[static_cast<std::uint32_t>(i)];
       if (s.local == nullptr) return;
       // Room was reserved by the tickets, so an insert cannot fail.
       s.local->for_each([&](const Record& r) { shared_.insert(s.merge_workspace, r, s.counters); });

@@ -152,8 +152,8 @@ class WardTree {
   /// Quiescent.
   template <class F>
   void update(F&& f) {
-    tbb::parallel_for(tbb::blocked_range<UnitIndex>(kRoot, nodes_.end(), 64), [&](const auto& range) {
-      for (UnitIndex i = range.begin(); i != range.end(); ++i) update_node(node(i), f);
+    parallel_chunks(nodes_.end() - kRoot, kUpdateGrain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i != end; ++i) update_node(node(kRoot + static_cast<UnitIndex>(i)), f);
     });
   }
 
@@ -223,6 +223,7 @@ class WardTree {
   // Address space over what the capacity can need: for nodes that dropped records leave behind (see
   // keep_room) and for chunks that lost races set aside.
   static constexpr std::uint64_t kSpare = 2;
+  static constexpr std::size_t kUpdateGrain = 1024;
   static constexpr std::uint32_t kNodePiece = 64;    // 4 KiB
   static constexpr std::uint32_t kSlotPiece = 1024;  // 16 KiB
 

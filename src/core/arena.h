@@ -8,14 +8,13 @@
 #pragma once
 
 #include <sys/mman.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 
+#include "core/parallel.h"
 #include "core/setup_error.h"
 #include "core/sync.h"
 
@@ -74,8 +73,9 @@ class Arena {
   /// Zeroes everything that was taken and starts afresh. Quiescent, parallel.
   void reset() noexcept {
     constexpr std::size_t kGrain = std::size_t{1} << 20;
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, bytes(end()), kGrain),
-                      [this](const auto& range) { std::memset(base_ + range.begin(), 0, range.size()); });
+    parallel_chunks(bytes(end()), kGrain, [this](std::size_t begin, std::size_t end_byte) {
+      std::memset(base_ + begin, 0, end_byte - begin);
+    });
     next_.store(1,
                 std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
   }

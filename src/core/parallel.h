@@ -1,0 +1,37 @@
+// Fork and join for quiescent work: merging, updating and clearing a cache between frames.
+//
+// Plain std::thread on purpose, not oneTBB: ThreadSanitizer sees every edge of it (oneTBB's scheduler is a
+// prebuilt library and looks like a race), and a renderer that embeds a cache needs no task scheduler for it.
+// Starting a thread costs some ten microseconds, so callers choose a grain worth more than that; below two
+// grains nothing is started.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <thread>
+#include <vector>
+
+namespace icbench {
+
+/// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the
+/// process may run on. f is called from several threads at once and must not throw.
+template <class F>
+void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (;;) {
+      // Relaxed: chunks only have to be distinct; starting and joining the threads orders what is in them.
+      const std::size_t begin = next.fetch_add(grain, std::memory_order_relaxed);
+      if (begin >= n) return;
+      f(begin, std::min(begin + grain, n));
+    }
+  };
+  const std::size_t workers =
+      std::min<std::size_t>(n / grain, std::max(1u, std::thread::hardware_concurrency()));
+  std::vector<std::jthread> helpers;
+  for (std::size_t i = 1; i < workers; ++i) helpers.emplace_back(work);
+  work();
+}
+
+}  // namespace icbench
