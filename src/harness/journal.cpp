@@ -1,0 +1,118 @@
+#include "harness/journal.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+namespace icbench {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Whether the descriptor is still the file of that name: the holder of the lock may have deleted it
+/// meanwhile.
+bool is_current(const Descriptor& file, const fs::path& path) {
+  struct stat open_file {
+  }, named{};
+  return fstat(file.get(), &open_file) == 0 && stat(path.c_str(), &named) == 0 &&
+         open_file.st_ino == named.st_ino && open_file.st_dev == named.st_dev;
+}
+
+}  // namespace
+
+nlohmann::ordered_json parse_json(std::string_view text, const fs::path& path, std::size_t base) {
+  try {
+    return nlohmann::ordered_json::parse(text.begin(), text.end());
+  } catch (const nlohmann::json::parse_error& error) {
+    throw std::runtime_error(
+        fmt::format("{} is damaged: no valid JSON at byte {}; move it away or drop --resume", path.string(),
+                    base + error.byte));
+  }
+}
+
+std::string read_file(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file.is_open() || file.bad())
+    throw std::runtime_error(
+        fmt::format("cannot read {}: {}; check its permissions", path.string(), std::strerror(errno)));
+  return text;
+}
+
+Journal::Journal(const fs::path& results) : path_(results) {
+  path_ += ".partial";
+  do {
+    file_ = Descriptor(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+    if (!file_) throw_output_error(results, errno);
+    // Other errors come from file systems without locks; one writer is then the caller's care.
+    if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+      throw std::runtime_error(fmt::format(
+          "another process is writing {}; wait for it or choose another --out", results.string()));
+  } while (!is_current(file_, path_));
+  struct stat status {};
+  fstat(file_.get(), &status);
+  size_ = static_cast<std::size_t>(status.st_size);
+  sync_directory_of(path_);
+}
+
+Journal::~Journal() {
+  if (file_ && size_ == 0) unlink(path_.c_str());
+}
+
+Journal::Contents Journal::read() {
+  const std::string text = read_file(path_);
+  Contents contents;
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const std::size_t end = text.find('\n', at);
+    if (end == text.npos) break;  // torn
+    const std::string_view line(text.data() + at, end - at);
+    // A crash of the machine may leave a last line of the right length whose blocks were never written.
+    if (end + 1 == text.size() && !Json::accept(line.begin(), line.end())) break;
+    Json row = parse_json(line, path_, at);
+    if (contents.header) {
+      contents.rows.push_back(std::move(row));
+    } else {
+      contents.header = std::move(row);
+    }
+    at = end + 1;
+  }
+  if (at < text.size()) truncate(at);
+  return contents;
+}
+
+void Journal::truncate(std::size_t size) {
+  if (ftruncate(file_.get(), static_cast<off_t>(size)) != 0) throw_output_error(path_, errno);
+  size_ = size;
+  sync_file(file_, path_);
+}
+
+void Journal::clear() { truncate(0); }
+
+void Journal::append(const std::string& line) {
+  try {
+    write_all(file_, line + '\n', path_);
+    sync_file(file_, path_);
+  } catch (...) {
+    // Best effort: if this fails too, read cuts the torn line off.
+    if (ftruncate(file_.get(), static_cast<off_t>(size_)) != 0) errno = 0;
+    throw;
+  }
+  size_ += line.size() + 1;
+}
+
+void Journal::remove() {
+  unlink(path_.c_str());
+  file_.reset();
+  sync_directory_of(path_);
+}
+
+}  // namespace icbench

@@ -1,0 +1,113 @@
+#include "harness/statistics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+namespace icbench {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+bool has_nan(std::span<const double> samples) {
+  return std::any_of(samples.begin(), samples.end(), [](double x) { return std::isnan(x); });
+}
+
+/// Type 7 quantile; reorders `samples`, which is not empty and holds no NaN.
+double quantile_in_place(std::span<double> samples, double p) {
+  const double position = p * static_cast<double>(samples.size() - 1);
+  const auto index = std::min(static_cast<std::size_t>(position), samples.size() - 1);
+  const auto at = samples.begin() + static_cast<std::ptrdiff_t>(index);
+  std::nth_element(samples.begin(), at, samples.end());
+  const double low = *at;
+  const double share = position - static_cast<double>(index);
+  if (share <= 0.0) return low;
+  const double high = *std::min_element(at + 1, samples.end());
+  if (low == high) return low;
+  // As a weighted sum: high - low may overflow.
+  const double between = (1.0 - share) * low + share * high;
+  return std::isnan(between) ? between : std::clamp(between, low, high);
+}
+
+/// Uniform in [0, n) by multiply-shift; the standard distributions differ from library to library.
+std::size_t below(std::mt19937_64& random, std::size_t n) {
+  return static_cast<std::size_t>(((random() >> 32) * static_cast<std::uint64_t>(n)) >> 32);
+}
+
+}  // namespace
+
+double quantile(std::span<const double> samples, double p) {
+  if (samples.empty() || has_nan(samples) || std::isnan(p)) return kNaN;
+  std::vector<double> copy(samples.begin(), samples.end());
+  return quantile_in_place(copy, std::clamp(p, 0.0, 1.0));
+}
+
+double median_absolute_deviation(std::span<const double> samples) {
+  const double middle = median(samples);
+  std::vector<double> deviations(samples.begin(), samples.end());
+  for (double& x : deviations) x = x == middle ? 0.0 : std::abs(x - middle);
+  return median(deviations);
+}
+
+double interquartile_range(std::span<const double> samples) {
+  const double low = quantile(samples, 0.25);
+  const double high = quantile(samples, 0.75);
+  return low == high ? 0.0 : high - low;
+}
+
+Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed) {
+  if (samples.size() < kMinSamples || has_nan(samples)) return {};
+  std::mt19937_64 random(seed);
+  std::vector<double> resample(samples.size());
+  std::vector<double> medians(kResamples);
+  for (double& m : medians) {
+    for (double& x : resample) x = samples[below(random, samples.size())];
+    m = quantile_in_place(resample, 0.5);
+  }
+  if (has_nan(medians)) return {};  // a resample straddled both infinities
+  return {quantile_in_place(medians, 0.025), quantile_in_place(medians, 0.975)};
+}
+
+PairedRatio paired_ratio(std::span<const double> a, std::span<const double> b, std::uint64_t seed) {
+  if (a.size() != b.size())
+    throw std::runtime_error(
+        fmt::format("cannot pair {} with {} samples; measure both sides equally often", a.size(), b.size()));
+  std::vector<double> ratios(a.size());
+  std::transform(a.begin(), a.end(), b.begin(), ratios.begin(), [](double x, double y) { return x / y; });
+  return {median(ratios), bootstrap_median(ratios, seed), ratios.size()};
+}
+
+const char* to_string(Relation relation) noexcept {
+  return relation == Relation::at_most ? "at_most" : "at_least";
+}
+
+const char* to_string(Verdict verdict) noexcept {
+  switch (verdict) {
+    case Verdict::pass:
+      return "pass";
+    case Verdict::fail:
+      return "fail";
+    case Verdict::undecided:
+      break;
+  }
+  return "undecided";
+}
+
+Verdict decide(const Interval& interval, Relation relation, double target) noexcept {
+  // Written so that every comparison with a NaN is false and leaves the verdict open.
+  if (!(interval.low <= interval.high)) return Verdict::undecided;
+  if (relation == Relation::at_most) {
+    if (interval.high <= target) return Verdict::pass;
+    if (interval.low > target) return Verdict::fail;
+  } else {
+    if (interval.low >= target) return Verdict::pass;
+    if (interval.high < target) return Verdict::fail;
+  }
+  return Verdict::undecided;
+}
+
+}  // namespace icbench

@@ -1,0 +1,68 @@
+// Order statistics, bootstrap intervals and verdicts over them.
+//
+// Conventions, everywhere in this file:
+//   - Samples are not modified and need no order. One NaN among them makes every result NaN; infinities are
+//   ordered like
+//     any other value.
+//   - An empty sample has median, quantiles and spreads NaN.
+//   - Intervals are at 95 %. Fewer than kMinSamples values admit none at that level, nor does a sample with a
+//   NaN:
+//     the interval is then (-inf, inf), from which no verdict but `undecided` follows. Equal samples give a
+//     point.
+//   - Results depend on the sample and the seed alone, on any platform.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <span>
+
+namespace icbench {
+
+/// Below six values not even [min, max] covers the median with 95 % (it does with 1 - 2^(1-n)).
+inline constexpr std::size_t kMinSamples = 6;
+
+/// Quantile by linear interpolation between order statistics (type 7 of Hyndman & Fan 1996, the default of R
+/// and NumPy). `p` is clamped to [0, 1]. O(n).
+double quantile(std::span<const double> samples, double p);
+inline double median(std::span<const double> samples) { return quantile(samples, 0.5); }
+
+/// Median absolute deviation from the median, unscaled (times 1.4826 it estimates a normal's standard
+/// deviation).
+double median_absolute_deviation(std::span<const double> samples);
+/// quantile(0.75) - quantile(0.25).
+double interquartile_range(std::span<const double> samples);
+
+struct Interval {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+};
+
+/// 95 % percentile bootstrap interval of the median (Efron & Tibshirani 1993, section 13.3), `kResamples`
+/// resamples. Covers the median of independent samples of a continuous distribution in 93 to 97 % of cases
+/// from 10 samples on (measured by the tests), somewhat less below. O(n * kResamples): 20 ms for 1,000
+/// samples.
+inline constexpr unsigned kResamples = 4000;
+Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed);
+
+/// Median of a_i / b_i with its interval.
+struct PairedRatio {
+  double median = std::numeric_limits<double>::quiet_NaN();
+  Interval interval;
+  std::size_t samples = 0;
+};
+
+/// Pairs belong together (measured back to back), so that slow drift of the machine cancels. 0 / 0 is NaN,
+/// and a / 0 infinite. Throws std::runtime_error if the lengths differ.
+PairedRatio paired_ratio(std::span<const double> a, std::span<const double> b, std::uint64_t seed);
+
+enum class Relation : std::uint8_t { at_most, at_least };
+enum class Verdict : std::uint8_t { pass, fail, undecided };
+
+const char* to_string(Relation relation) noexcept;
+const char* to_string(Verdict verdict) noexcept;
+
+/// Passes when the whole interval keeps the relation (touching the target keeps it), fails when the whole
+/// interval breaks it; anything else, and any NaN, is undecided.
+Verdict decide(const Interval& interval, Relation relation, double target) noexcept;
+
+}  // namespace icbench
