@@ -1,0 +1,35 @@
+// Pinhole camera: from pixels to rays.
+#pragma once
+
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+
+#include "render/ray_tracer.h"
+#include "scene/scene.h"
+
+namespace icbench {
+
+/// A camera set up for an image size. Pixels are square; row 0 is the top.
+class CameraView {
+ public:
+  CameraView(const Camera& camera, int width, int height) noexcept : eye_(camera.eye) {
+    const glm::vec3 forward = glm::normalize(camera.target - camera.eye);
+    const glm::vec3 right = glm::normalize(glm::cross(forward, camera.up));
+    const glm::vec3 up = glm::cross(right, forward);
+    const float pixel = 2.0f * std::tan(0.5f * camera.fov_y) / static_cast<float>(height);
+    across_ = pixel * right;
+    down_ = -pixel * up;
+    corner_ = forward - 0.5f * static_cast<float>(width) * across_ - 0.5f * static_cast<float>(height) * down_;
+  }
+
+  /// Ray through a point of the image plane, in pixels from the top left corner; unit direction.
+  Ray ray(float x, float y) const noexcept {
+    return {eye_, std::numeric_limits<float>::infinity(), glm::normalize(corner_ + x * across_ + y * down_)};
+  }
+
+ private:
+  glm::vec3 eye_, corner_, across_, down_;
+};
+
+}  // namespace icbench

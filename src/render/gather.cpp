@@ -1,0 +1,169 @@
+#include "render/gather.h"
+
+#include <cmath>
+#include <cstddef>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "core/random.h"
+#include "render/sampling.h"
+#include "render/transport.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint32_t kWave = 64;  // paths that advance together; their state fills half of a 32 KiB L1 cache
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+// A path on its way along a ray.
+struct Path {
+  Pcg32 random{0};
+  glm::vec3 weight;  // of the irradiance where the ray started, in the irradiance asked for
+  float q;           // probability with which the ray was traced
+  float p_b;         // density of its direction
+};
+
+// Up to kWave paths, one bounce at a time. Arrays are compacted in place: the paths that go on move to the front.
+template <class T>
+class Wave {
+ public:
+  explicit Wave(T& tracer) noexcept : tracer_(tracer), shared_(tracer.shared()) {}
+
+  void start(const Hit& x, const glm::vec3& from, const Basis& basis, const glm::vec2& low, const glm::vec2& cell,
+             std::uint64_t key) noexcept {
+    Path& path = paths_[active_];
+    path.random = Pcg32(key);
+    const float u_elevation = low.x + cell.x * path.random.uniform();
+    const float u_azimuth = low.y + cell.y * path.random.uniform();
+    const glm::vec3 d = cosine_direction(basis, u_elevation, u_azimuth);
+    if (!(glm::dot(d, x.ng) > 0.0f)) return;  // into the surface, past a tilted shading normal: nothing arrives
+    path.weight = glm::vec3(1.0f);
+    path.q = 1.0f;
+    rays_[active_++] = {from, kInfinity, d};
+  }
+
+  bool is_full() const noexcept { return active_ == kWave; }
+
+  void finish() noexcept {
+    if (active_ == 0) return;
+    trace();
+    for (std::uint32_t i = 0; i < active_; ++i) inverse_distances += 1.0 / static_cast<double>(hits_[i].t);
+    seen += active_;
+    shade(false);
+    while (active_ > 0) {
+      trace();
+      shade(true);
+    }
+  }
+
+  glm::vec3 E{0.0f};               // sum over paths
+  double inverse_distances = 0.0;  // sum over first rays
+  std::uint32_t seen = 0;          // first rays
+
+ private:
+  void trace() noexcept { tracer_.intersect({rays_, active_}, {hits_, active_}); }
+
+  void shade(bool count_emission) noexcept {
+    std::uint32_t lit = 0, onward = 0;
+    for (std::uint32_t i = 0; i < active_; ++i) {
+      const Hit& hit = hits_[i];
+      if (hit.missed()) continue;
+      Path path = paths_[i];
+      const Material& material = shared_.material(hit);
+      if (count_emission && hit.front && material.emits()) {
+        const float w = emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
+        E += std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
+      }
+      path.weight *= material.albedo / path.q;
+      path.q = survival(path.weight);
+      if (!(path.q > 0.0f)) continue;
+      LightProposal proposal;
+      if (propose_light(shared_, hit, path.q, path.random, proposal)) {
+        shadows_[lit] = proposal.shadow;
+        light_[lit++] = path.weight * proposal.E;
+      }
+      if (!(path.random.uniform() < path.q)) continue;
+      const float u_elevation = path.random.uniform(), u_azimuth = path.random.uniform();
+      const glm::vec3 d = cosine_direction(Basis(hit.n), u_elevation, u_azimuth);
+      if (!(glm::dot(d, hit.ng) > 0.0f)) continue;
+      path.p_b = glm::dot(d, hit.n) * std::numbers::inv_pi_v<float>;
+      paths_[onward] = path;
+      rays_[onward++] = {shared_.leave(hit.p, hit.ng), kInfinity, d};
+    }
+    tracer_.occluded({shadows_, lit}, {dark_, lit});
+    for (std::uint32_t i = 0; i < lit; ++i)
+      if (!dark_[i]) E += light_[i];
+    active_ = onward;
+  }
+
+  T& tracer_;
+  const RayTracer& shared_;
+  std::uint32_t active_ = 0;
+  Path paths_[kWave];
+  Ray rays_[kWave];
+  Hit hits_[kWave];
+  Ray shadows_[kWave];
+  glm::vec3 light_[kWave];
+  bool dark_[kWave];
+};
+
+}  // namespace
+
+Strata Strata::for_rays(std::uint32_t rays) noexcept {
+  const double wanted = std::max(rays, 1u);
+  const double ideal = std::sqrt(wanted / std::numbers::pi);
+  const auto lowest = static_cast<std::uint32_t>(std::max(1.0, std::ceil(0.7 * ideal)));
+  const auto highest = static_cast<std::uint32_t>(std::max(1.0, std::floor(1.3 * ideal)));
+  Strata best{1, std::max(rays, 1u)};
+  double best_miss = kInfinity;
+  for (std::uint32_t m = lowest; m <= highest; ++m) {
+    const auto n = static_cast<std::uint32_t>(std::max(1.0, std::round(wanted / m)));
+    // First the count, then the shape.
+    const double miss = std::abs(wanted - static_cast<double>(m) * n) + 0.01 * std::abs(m - ideal) / ideal;
+    if (miss < best_miss) {
+      best = {m, n};
+      best_miss = miss;
+    }
+  }
+  return best;
+}
+
+template <class T>
+GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t key) noexcept {
+  const std::uint64_t rays_before = tracer.counts.total();
+  const glm::vec3 from = tracer.shared().leave(x.p, x.ng);
+  const Basis basis(x.n);
+  const glm::vec2 cell(1.0f / static_cast<float>(strata.elevations), 1.0f / static_cast<float>(strata.azimuths));
+  Wave wave(tracer);
+  for (std::uint32_t m = 0; m < strata.elevations; ++m)
+    for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
+      wave.start(x, from, basis, cell * glm::vec2(m, n), cell, hash_keys(key, m, n));
+      if (wave.is_full()) wave.finish();
+    }
+  wave.finish();
+  const double R = wave.inverse_distances > 0.0 ? wave.seen / wave.inverse_distances : kInfinity;
+  return {wave.E / static_cast<float>(strata.count()), static_cast<float>(R),
+          tracer.counts.total() - rays_before};
+}
+
+template GatherResult gather(Tracer&, const Hit&, const Strata&, std::uint64_t) noexcept;
+template GatherResult gather(RecordingTracer&, const Hit&, const Strata&, std::uint64_t) noexcept;
+
+std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const Hit> points, const Strata& strata,
+                                          std::uint64_t key) {
+  RecordingTracer tracer(rays);
+  for (std::size_t i = 0; i < points.size(); ++i) gather(tracer, points[i], strata, hash_keys(key, i));
+  return std::move(tracer.log);
+}
+
+std::uint64_t gather_all(Tracer& tracer, std::span<const Hit> points, const Strata& strata,
+                         std::uint64_t key) noexcept {
+  std::uint64_t rays = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) rays += gather(tracer, points[i], strata, hash_keys(key, i)).rays;
+  return rays;
+}
+
+}  // namespace icbench

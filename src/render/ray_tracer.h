@@ -1,0 +1,139 @@
+// Ray tracing through Embree: the scene and its BVH, shared by all threads, and a Tracer per thread that counts.
+//
+// Epsilon policy, the only one there is. A ray leaves a surface at p + epsilon * ng, on the side it travels to, and
+// is then intersected from t = 0; a shadow ray also ends epsilon off the light, at t = 1. epsilon is
+// kEpsilonShare of the scene's largest |coordinate| (scene.h). Hit positions are interpolated from the vertices, not
+// stepped along the ray, so that their error does not grow with the ray. Embree scenes are robust: no ray slips
+// between two triangles that share an edge.
+//
+// Everything here is safe to call from any number of threads; building the BVH uses oneTBB.
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <memory>
+#include <span>
+
+#include "scene/scene.h"
+
+namespace icbench {
+
+struct Ray {
+  glm::vec3 o;  ///< origin, metres
+  float t_max;  ///< length in units of |d|
+  glm::vec3 d;  ///< direction; of any length, unit for distances in metres
+};
+
+/// A ray as it was traced, for replay.
+struct TracedRay {
+  Ray ray;
+  bool shadow;  ///< asked whether anything is there, not what comes first
+};
+
+/// Hit::material of a ray that left the scene.
+inline constexpr std::uint32_t kMiss = ~0u;
+
+/// A point on a surface, seen from the side its normals face.
+struct Hit {
+  glm::vec3 p;                    ///< metres
+  glm::vec3 n;                    ///< unit shading normal, on the side of ng
+  glm::vec3 ng;                   ///< unit geometric normal, facing the ray
+  float t;                        ///< distance in units of the ray's |d|
+  std::uint32_t material = kMiss; ///< index into the scene's materials
+  bool front = false;             ///< seen from the side that emits
+
+  bool missed() const noexcept { return material == kMiss; }
+};
+
+/// Rays a thread has traced.
+struct RayCounts {
+  std::uint64_t closest = 0;    ///< nearest-hit rays
+  std::uint64_t occlusion = 0;  ///< shadow rays
+
+  std::uint64_t total() const noexcept { return closest + occlusion; }
+  RayCounts& operator+=(const RayCounts& o) noexcept {
+    closest += o.closest;
+    occlusion += o.occlusion;
+    return *this;
+  }
+};
+
+/// A prepared scene and its BVH. Immutable, hence shared.
+class RayTracer {
+ public:
+  /// Prepares the scene and builds the BVH in parallel. Throws std::runtime_error as prepare() does, or if Embree
+  /// fails.
+  explicit RayTracer(Scene scene);
+  ~RayTracer();
+  RayTracer(const RayTracer&) = delete;
+  RayTracer& operator=(const RayTracer&) = delete;
+
+  const Scene& scene() const noexcept { return scene_; }
+  const Material& material(const Hit& hit) const noexcept { return scene_.materials[hit.material]; }
+  float epsilon() const noexcept { return epsilon_; }
+
+  /// Where a ray that leaves the surface on the side of ng starts.
+  glm::vec3 leave(const glm::vec3& p, const glm::vec3& ng) const noexcept { return p + epsilon_ * ng; }
+
+  /// Radiance emitted towards the ray that made the hit; 0 for a miss.
+  glm::vec3 emitted(const Hit& hit) const noexcept {
+    return hit.front && !hit.missed() ? material(hit).emission : glm::vec3(0.0f);
+  }
+
+  /// Nearest hits of many rays; out[i] belongs to rays[i]. Both have the same length.
+  void intersect(std::span<const Ray> rays, std::span<Hit> out) const noexcept;
+
+  /// Whether anything lies on each of many rays.
+  void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
+
+  /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything above.
+  /// Returns how many hit or were occluded.
+  std::uint64_t bare_trace(std::span<const TracedRay> rays) const noexcept;
+
+ private:
+  struct Embree;
+  struct MeshView;
+
+  void fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v, const glm::vec3& d,
+            float t) const noexcept;
+
+  Scene scene_;
+  float epsilon_ = 0.0f;
+  std::unique_ptr<MeshView[]> meshes_;
+  std::unique_ptr<Embree> embree_;
+};
+
+/// A thread's access to the ray tracer; one thread at a time.
+class Tracer {
+ public:
+  explicit Tracer(const RayTracer& rays) noexcept : rays_(&rays) {}
+
+  const RayTracer& shared() const noexcept { return *rays_; }
+  const Scene& scene() const noexcept { return rays_->scene(); }
+
+  void intersect(std::span<const Ray> rays, std::span<Hit> out) noexcept {
+    counts.closest += rays.size();
+    rays_->intersect(rays, out);
+  }
+  void occluded(std::span<const Ray> rays, std::span<bool> out) noexcept {
+    counts.occlusion += rays.size();
+    rays_->occluded(rays, out);
+  }
+  Hit intersect(const Ray& ray) noexcept {
+    Hit hit;
+    intersect({&ray, 1}, {&hit, 1});
+    return hit;
+  }
+  bool occluded(const Ray& ray) noexcept {
+    bool out;
+    occluded({&ray, 1}, {&out, 1});
+    return out;
+  }
+
+  RayCounts counts;
+
+ private:
+  const RayTracer* rays_;
+};
+
+}  // namespace icbench

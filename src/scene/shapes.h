@@ -1,0 +1,33 @@
+// Elementary meshes to build scenes from. Triangles face the way each docstring says.
+#pragma once
+
+#include <functional>
+#include <glm/vec2.hpp>
+#include <span>
+#include <string>
+
+#include "scene/scene.h"
+
+namespace icbench {
+
+/// Parallelogram p, p + u, p + u + v, p + v; its front is the side of cross(u, v).
+Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::vec3& v, std::uint32_t material);
+
+/// Axis-aligned box, fronts outward, or inward for a room.
+Mesh box(std::string name, const Bounds& bounds, std::uint32_t material, bool inward = false);
+
+/// Sphere of 20 * 4^levels flat triangles, front outward. Metres.
+Mesh icosphere(std::string name, const glm::vec3& centre, float radius, int levels, std::uint32_t material);
+
+/// Surface of revolution about the vertical axis through `base`: `profile` holds (radius, height) from bottom to top,
+/// joined smoothly except where a point is repeated (a crease); front outward. Metres.
+Mesh revolve(std::string name, const glm::vec3& base, std::span<const glm::vec2> profile, int segments,
+             std::uint32_t material);
+
+/// Moves every vertex by x -> scale * rotate_y(x, angle) + shift. Radians, metres.
+void place(Mesh& mesh, float scale, float angle, const glm::vec3& shift);
+
+/// Bounds of a mesh's vertices; the mesh must have some.
+Bounds bounds_of(const Mesh& mesh);
+
+}  // namespace icbench
