@@ -1,0 +1,124 @@
+#include "workload/ray_traced_plan.h"
+
+#include <stdexcept>
+
+#include "caches/registry.h"
+#include "core/parallel.h"
+#include "image/metrics/mean_ratio.h"
+#include "image/metrics/relmse.h"
+#include "image/metrics/rmse.h"
+
+namespace icbench {
+namespace {
+
+constexpr int kTile = 16;            // pixels
+constexpr std::uint32_t kBatch = 8;  // reference samples per pixel between two looks at the tile queue
+
+/// Calls f(tile, tracer) for all tiles, on all processors.
+template <class F>
+void for_all_tiles(const RayTracer& rays, int width, int height, F&& f) {
+  const std::vector<Tile> tiles = make_tiles(width, height, kTile, TileOrder::morton);
+  parallel_chunks(tiles.size(), 1, [&](std::size_t i, std::size_t) {
+    Tracer tracer(rays);
+    f(tiles[i], tracer);
+  });
+}
+
+}  // namespace
+
+PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
+  PrimaryHits primary(width, height);
+  const CameraView view(rays.scene().camera, width, height);
+  for_all_tiles(rays, width, height, [&](const Tile& tile, Tracer& tracer) {
+    primary_tile(tracer, view, Lens::centre, {}, tile, primary);
+  });
+  return primary;
+}
+
+Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp, std::uint64_t seed) {
+  const std::uint32_t half = std::max(1u, spp / 2);
+  Image halves[2];
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    halves[h] = make_image(primary.width, primary.height);
+    for_all_tiles(rays, primary.width, primary.height, [&](const Tile& tile, Tracer& tracer) {
+      path_indirect_tile(tracer, primary, half, SampleKey{seed, 0, h * half}, tile, halves[h]);
+    });
+  }
+  Reference out;
+  out.spp = 2 * half;
+  out.indirect = halves[0];
+  for (std::size_t i = 0; i < out.indirect.pixels.size(); ++i) {
+    out.indirect.pixels[i] = 0.5f * (halves[0].pixels[i] + halves[1].pixels[i]);
+  }
+  // The halves differ by twice the variance of one; their mean has half the variance of one.
+  out.relmse = 0.25 * relmse(out.indirect, halves[0]) + 0.25 * relmse(out.indirect, halves[1]);
+  return out;
+}
+
+RayTracedPlan::RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, const PrimaryHits& primary,
+                             const Reference& reference, std::uint64_t seed)
+    : spec_(spec),
+      rays_(&rays),
+      primary_(&primary),
+      reference_(&reference),
+      tiles_(make_tiles(primary.width, primary.height, kTile, spec.tiles, seed)) {}
+
+IrradianceCacheParams RayTracedPlan::params(std::uint64_t seed) const noexcept {
+  IrradianceCacheParams params;
+  params.strata = Strata::for_rays(spec_.rays);
+  params.limits = RadiusLimits::for_scene(rays_->scene().bounds, kMinRadiusOfDiagonal, kMaxRadiusOfDiagonal);
+  params.key = SampleKey{seed, 0, 0};
+  return params;
+}
+
+CacheConfig RayTracedPlan::config(unsigned threads) const {
+  CacheConfig config;
+  config.bounds = rays_->scene().bounds;
+  config.a_max = spec_.a;
+  config.a = spec_.a;
+  config.max_sessions = threads;
+  // At worst every pixel is a record, and every session holds tickets that it does not use.
+  config.capacity = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(primary_->hits.size() + std::uint64_t{threads} * TicketOffice<StdSync>::kBatch, kMaxCapacity));
+  return config;
+}
+
+std::uint64_t RayTracedPlan::records_of_one_thread(std::uint64_t seed) const {
+  Sequential<> cache(config(1));
+  auto session = cache.open_session(0);
+  Tracer tracer(*rays_);
+  CacheUse use;
+  Image indirect = make_image(primary_->width, primary_->height);
+  const IrradianceCacheParams p = params(seed);
+  for (const Tile& tile : tiles_) irradiance_cache_tile(session, tracer, *primary_, p, tile, indirect, use);
+  return use.inserts;
+}
+
+void RayTracedPlan::judge(const Image& indirect, TrialOutcome& out) const {
+  out.rmse = rmse(reference_->indirect, indirect);
+  out.relmse = relmse(reference_->indirect, indirect);
+  out.mean_ratio = mean_ratio(reference_->indirect, indirect);
+}
+
+TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
+  const PrimaryHits& primary = plan.primary();
+  Image indirect = make_image(primary.width, primary.height);
+  std::vector<std::unique_ptr<Tracer>> tracers(setup.team.size());
+  setup.team.run([&](unsigned t) { tracers[t] = std::make_unique<Tracer>(plan.rays()); });
+  TileCursor cursor(plan.tiles());
+  const SampleKey key{setup.seed, 0, 0};
+  const TeamTimes times = setup.team.run([&](unsigned t) {
+    while (const Tile* tile = cursor.next()) {
+      path_indirect_tile(*tracers[t], primary, plan.spec().spp, key, *tile, indirect);
+    }
+  });
+  TrialOutcome out;
+  out.wall_ns = static_cast<double>(times.wall_ns());
+  out.cpu_ns = static_cast<double>(times.cpu_ns());
+  for (const auto& tracer : tracers) out.rays += tracer->counts;
+  out.operations = primary.hits.size() * plan.spec().spp;
+  plan.judge(indirect, out);
+  return out;
+}
+
+}  // namespace icbench

@@ -1,0 +1,64 @@
+// A ray-traced workload: stored primary hits of a scene, the indirect light that a cache has to bring there, and the
+// path-traced reference it is judged by.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "core/cache.h"
+#include "image/image.h"
+#include "render/irradiance_cache.h"
+#include "render/path.h"
+#include "workload/spec.h"
+#include "workload/trial.h"
+
+namespace icbench {
+
+/// Indirect radiance at primary hits by path tracing, with its own error.
+struct Reference {
+  Image indirect;
+  double relmse = 0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
+  std::uint32_t spp = 0;
+};
+
+/// Primary hits through the pixel centres, by all processors.
+PrimaryHits centre_hits(const RayTracer& rays, int width, int height);
+
+/// Path traces `spp` samples (at least 2) at each hit, by all processors. Deterministic by seed.
+Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp, std::uint64_t seed);
+
+/// Radius limits of new records as shares of the scene's diagonal (Ward et al. 1988 leave them to the implementation).
+inline constexpr float kMinRadiusOfDiagonal = 0.003f;
+inline constexpr float kMaxRadiusOfDiagonal = 0.3f;
+
+class RayTracedPlan {
+ public:
+  /// `rays`, `primary` and `reference` are shared by all workloads of one scene and size, and outlive the plan.
+  RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, const PrimaryHits& primary, const Reference& reference,
+                std::uint64_t seed);
+
+  const WorkloadSpec& spec() const noexcept { return spec_; }
+  const RayTracer& rays() const noexcept { return *rays_; }
+  const PrimaryHits& primary() const noexcept { return *primary_; }
+  const Reference& reference() const noexcept { return *reference_; }
+  const std::vector<Tile>& tiles() const noexcept { return tiles_; }
+
+  IrradianceCacheParams params(std::uint64_t seed) const noexcept;
+  CacheConfig config(unsigned threads) const;
+  std::uint64_t records_of_one_thread(std::uint64_t seed) const;
+
+  /// Fills in rmse, relmse and mean_ratio of an indirect image against the reference.
+  void judge(const Image& indirect, TrialOutcome& out) const;
+
+ private:
+  WorkloadSpec spec_;
+  const RayTracer* rays_;
+  const PrimaryHits* primary_;
+  const Reference* reference_;
+  std::vector<Tile> tiles_;
+};
+
+/// Path traces the workload's samples at the stored hits: the rival without a cache.
+TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup);
+
+}  // namespace icbench

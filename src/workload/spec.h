@@ -1,0 +1,65 @@
+// What to run: a workload's name and parameters, as typed on the command line and as it stands in results.
+//
+//   NAME[:key=value]...      e.g. "read_only", "miss_driven:cost=10", "mix_90_10:order=hot_spot", "cornell_box:rays=64"
+//
+// Synthetic workloads (read_only, insert_only, mix_99_1, mix_90_10, mix_50_50, miss_driven) run cache operations on
+// points of a scene's surfaces without rendering; a scene's name is the ray-traced workload on that scene.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "render/tiles.h"
+
+namespace icbench {
+
+enum class WorkloadKind : std::uint8_t { read_only, insert_only, mix, miss_driven, ray_traced };
+
+/// The kind as it stands in results.
+std::string_view to_string(WorkloadKind kind) noexcept;
+
+/// Order in which synthetic operations visit the scene.
+enum class PointOrder : std::uint8_t {
+  uniform,   ///< independent random points
+  hot_spot,  ///< nine in ten operations within the hundredth of the points nearest to one spot
+  coherent   ///< tile by tile over the image, as a renderer asks
+};
+
+struct WorkloadSpec {
+  std::string name;  ///< canonical: base name, then the parameters that were given, in a fixed order
+  WorkloadKind kind = WorkloadKind::read_only;
+  std::string scene = "cornell_box";
+  float a = 0.3f;  ///< accuracy of queries, (0, 1]
+
+  // Synthetic.
+  PointOrder order = PointOrder::uniform;
+  std::uint32_t records = 100'000;      ///< stored before the clock starts; for insert_only: inserted
+  std::uint32_t operations = 100'000;   ///< cache operations, all threads together
+  std::uint32_t inserts_per_1000 = 0;   ///< share of inserts in a mix
+  double cost_us = 1.0;                 ///< miss_driven: work per record, microseconds
+
+  // Ray-traced.
+  std::uint32_t rays = 64;  ///< gather rays per record
+  std::uint32_t width = 256, height = 256;
+  TileOrder tiles = TileOrder::morton;
+  bool path = false;      ///< integrator=path: the rival without a cache
+  std::uint32_t spp = 16; ///< path: samples per pixel
+
+  bool uses_cache() const noexcept { return !path; }
+};
+
+/// Parses one workload. Throws std::runtime_error with one line that names what is wrong and what is known.
+WorkloadSpec parse_workload(std::string_view text);
+
+struct WorkloadEntry {
+  std::string name;
+  std::string description;
+  std::string parameters;  ///< "key=default ..."
+};
+
+/// Everything that can be named, for `icbench list workloads`.
+std::vector<WorkloadEntry> list_workloads();
+
+}  // namespace icbench

@@ -1,0 +1,162 @@
+#include "workload/synthetic_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "caches/registry.h"
+#include "core/random.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint32_t kQueryPoints = 1u << 17;
+constexpr int kImage = 512;        // pixels a side of the image that coherent points are seen through
+constexpr double kOverlap = 6.0;   // records valid at a point of a filled cache, on average
+
+std::uint32_t inserts_of(const WorkloadSpec& s) {
+  if (s.kind == WorkloadKind::insert_only) return s.records;
+  return static_cast<std::uint32_t>(std::uint64_t{s.operations} * s.inserts_per_1000 / 1000);
+}
+
+}  // namespace
+
+Irradiance smooth_irradiance(const glm::vec3& p) noexcept {
+  return {2.0f + std::sin(3.0f * p.x), 2.0f + std::sin(3.0f * p.y + 1.0f), 2.0f + std::sin(3.0f * p.z + 2.0f)};
+}
+
+SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed) : spec_(spec) {
+  points_ = spec.order == PointOrder::coherent ? image_points(rays, kImage, kImage, seed, tile_ends_)
+                                               : scattered_points(rays, kQueryPoints, seed);
+  if (spec.order == PointOrder::hot_spot) add_hot_spot(seed);
+  if (spec.kind == WorkloadKind::miss_driven) return;
+
+  prefilled_ = spec.kind == WorkloadKind::insert_only ? 0 : spec.records;
+  const std::uint32_t n = prefilled_ + inserts_of(spec);
+  const SurfacePoints sites = scattered_points(rays, n, hash_keys(seed, 1));
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const SurfacePoint& x = sites.points[i];
+    records_.push_back({x.p, x.n, sites.radii[i], smooth_irradiance(x.p), i});
+  }
+  scale_radii();
+  if (spec.kind != WorkloadKind::read_only) return;
+  Sequential<> oracle(config(1));
+  auto session = oracle.open_session(0);
+  for (const Record& r : records_) session.insert(r);
+  for (const SurfacePoint& x : points()) hits_.push_back(session.query(x).has_value());
+}
+
+std::uint64_t SyntheticPlan::expected_hits(const Streams& streams) const {
+  return static_cast<std::uint64_t>(
+      std::count_if(streams.operations.begin(), streams.operations.end(), [&](std::uint32_t i) { return hits_[i]; }));
+}
+
+void SyntheticPlan::add_hot_spot(std::uint64_t seed) {
+  const std::vector<SurfacePoint>& points = points_.points;
+  const glm::vec3 centre = points[Pcg32(hash_keys(seed, 2)).below(static_cast<std::uint32_t>(points.size()))].p;
+  hot_.resize(points.size());
+  std::iota(hot_.begin(), hot_.end(), 0u);
+  const std::size_t keep = std::max<std::size_t>(1, points.size() / 100);
+  const auto distance = [&](std::uint32_t i) { return glm::dot(points[i].p - centre, points[i].p - centre); };
+  std::nth_element(hot_.begin(), hot_.begin() + static_cast<std::ptrdiff_t>(keep - 1), hot_.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return distance(a) < distance(b); });
+  hot_.resize(keep);
+}
+
+// A renderer's records come about by misses and hardly overlap more than a few times, however many there are. Records
+// strewn at random get there by scaling their radii; the ratios between radii stay those of the scene.
+void SyntheticPlan::scale_radii() {
+  constexpr int kRounds = 6;
+  constexpr std::uint32_t kProbes = 1000;
+  for (int round = 0; round < kRounds; ++round) {
+    CacheConfig config = this->config(1);
+    Sequential<WithCounters> cache(config);
+    auto session = cache.open_session(0);
+    for (const Record& r : records_) session.insert(r);
+    Pcg32 random(hash_keys(3, static_cast<std::uint64_t>(round)));
+    for (std::uint32_t i = 0; i < kProbes; ++i) {
+      session.query(points()[random.below(static_cast<std::uint32_t>(points().size()))]);
+    }
+    const double overlap = std::max(0.1, static_cast<double>(cache.counters().records_valid) / kProbes);
+    const auto scale = static_cast<float>(std::sqrt(kOverlap / overlap));
+    if (std::abs(scale - 1.0f) < 0.03f) return;
+    for (Record& r : records_) r.R *= scale;
+  }
+}
+
+Record SyntheticPlan::record_at(const Streams& streams, std::uint32_t operation) const noexcept {
+  const std::uint32_t i = streams.operations[operation];
+  const SurfacePoint& x = points_.points[i];
+  return {x.p, x.n, points_.radii[i], smooth_irradiance(x.p), operation};
+}
+
+Streams SyntheticPlan::streams(unsigned threads, std::uint64_t seed) const {
+  const std::uint32_t n = spec_.kind == WorkloadKind::insert_only ? spec_.records : spec_.operations;
+  const std::uint32_t inserts = inserts_of(spec_);
+  const auto points = static_cast<std::uint32_t>(points_.points.size());
+  Streams out;
+  out.operations.reserve(n);
+  out.begin.push_back(0);
+  // Where a coherent thread stands: tiles are dealt round, point by point within a tile.
+  std::uint32_t next_insert = prefilled_;
+  for (unsigned t = 0; t < threads; ++t) {
+    const auto end = static_cast<std::uint32_t>(std::uint64_t{n} * (t + 1) / threads);
+    Pcg32 random(hash_keys(seed, t, 4));
+    std::uint32_t tile = t, at = 0, tile_end = 0;
+    for (std::uint32_t i = out.begin.back(); i < end; ++i) {
+      // Inserts are spread evenly over the operations, so that every thread gets its share and each is made once.
+      if (std::uint64_t{i + 1} * inserts / n > std::uint64_t{i} * inserts / n) {
+        out.operations.push_back(Streams::kInsert | next_insert++);
+        continue;
+      }
+      std::uint32_t point = 0;
+      switch (spec_.order) {
+        case PointOrder::uniform: point = random.below(points); break;
+        case PointOrder::hot_spot:
+          point = random.below(10) != 0 ? hot_[random.below(static_cast<std::uint32_t>(hot_.size()))]
+                                        : random.below(points);
+          break;
+        case PointOrder::coherent:
+          if (at == tile_end) {
+            const auto which = static_cast<std::uint32_t>(tile % tile_ends_.size());
+            at = which == 0 ? 0 : tile_ends_[which - 1];
+            tile_end = tile_ends_[which];
+            tile += threads;
+          }
+          point = at++;
+          break;
+      }
+      out.operations.push_back(point);
+    }
+    out.begin.push_back(end);
+  }
+  return out;
+}
+
+CacheConfig SyntheticPlan::config(unsigned threads) const {
+  CacheConfig config;
+  config.bounds = points_.bounds;
+  config.a_max = spec_.a;
+  config.a = spec_.a;
+  config.max_sessions = threads;
+  // Tickets are drawn in batches, so every session may hold some that it does not use.
+  constexpr std::uint32_t kBatch = TicketOffice<StdSync>::kBatch;
+  const std::uint64_t most = records_.empty() ? spec_.operations : records_.size();
+  config.capacity = static_cast<std::uint32_t>(std::min<std::uint64_t>(most + std::uint64_t{threads} * kBatch, kMaxCapacity));
+  return config;
+}
+
+std::uint64_t SyntheticPlan::records_of_one_thread(std::uint64_t seed) const {
+  if (spec_.kind != WorkloadKind::miss_driven) return 0;
+  const Streams one = streams(1, seed);
+  Sequential<> cache(config(1));
+  auto session = cache.open_session(0);
+  std::uint64_t records = 0;
+  for (std::uint32_t i = 0; i < one.operations.size(); ++i) {
+    if (session.query(points()[one.operations[i]])) continue;
+    records += session.insert(record_at(one, i)) == InsertResult::inserted;
+  }
+  return records;
+}
+
+}  // namespace icbench

@@ -1,0 +1,72 @@
+// What a synthetic workload does, generated before any clock starts and the same for every cache.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/cache.h"
+#include "workload/spec.h"
+#include "workload/surface_points.h"
+
+namespace icbench {
+
+/// Operations of all threads, one after the other; thread t runs [begin[t], begin[t + 1]).
+struct Streams {
+  /// Top bit set: insert record `operation & kIndex` of the plan; else query that point.
+  static constexpr std::uint32_t kInsert = 1u << 31;
+  static constexpr std::uint32_t kIndex = kInsert - 1;
+
+  std::vector<std::uint32_t> operations;
+  std::vector<std::uint32_t> begin;
+
+  std::span<const std::uint32_t> of(unsigned thread) const {
+    return std::span(operations).subspan(begin[thread], begin[thread + 1] - begin[thread]);
+  }
+};
+
+class SyntheticPlan {
+ public:
+  /// Generates points and records; some tenths of a second. `seed` fixes everything.
+  SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed);
+
+  const WorkloadSpec& spec() const noexcept { return spec_; }
+  const std::vector<SurfacePoint>& points() const noexcept { return points_.points; }
+
+  /// Records of the workload: the first `prefilled()` are stored before the clock starts, streams insert the others.
+  const std::vector<Record>& records() const noexcept { return records_; }
+  std::uint32_t prefilled() const noexcept { return prefilled_; }
+
+  /// The record that a miss-driven stream inserts when its operation number `operation` misses.
+  Record record_at(const Streams& streams, std::uint32_t operation) const noexcept;
+
+  /// The operations of a repetition, dealt to `threads` threads.
+  Streams streams(unsigned threads, std::uint64_t seed) const;
+
+  /// Configuration of a cache for `threads` threads, with room for every record that may come.
+  CacheConfig config(unsigned threads) const;
+
+  /// How many of the queries of a read-only stream find a record, by the oracle of a single thread.
+  std::uint64_t expected_hits(const Streams& streams) const;
+
+  /// Records that a single thread leaves behind when it runs the streams of `seed`: what is more is redundant. 0 for
+  /// workloads whose inserts do not depend on misses.
+  std::uint64_t records_of_one_thread(std::uint64_t seed) const;
+
+ private:
+  void scale_radii();
+  void add_hot_spot(std::uint64_t seed);
+
+  WorkloadSpec spec_;
+  SurfacePoints points_;
+  std::vector<std::uint32_t> tile_ends_;  // coherent order
+  std::vector<std::uint32_t> hot_;        // hot_spot order: indices of the points in the spot
+  std::vector<Record> records_;
+  std::uint32_t prefilled_ = 0;
+  std::vector<bool> hits_;  // read_only: whether a query at each point finds a record
+};
+
+/// A made-up irradiance that varies smoothly over space, all positive, W/m^2.
+Irradiance smooth_irradiance(const glm::vec3& p) noexcept;
+
+}  // namespace icbench

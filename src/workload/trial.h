@@ -1,0 +1,118 @@
+// One trial: one workload on one cache by one pinned team, timed, counted and validated.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "core/counters.h"
+#include "core/random.h"
+#include "harness/calibrated_work.h"
+#include "harness/histogram.h"
+#include "harness/thread_team.h"
+#include "harness/ticks.h"
+#include "render/ray_tracer.h"
+
+namespace icbench {
+
+/// What a trial runs with.
+struct TrialSetup {
+  ThreadTeam& team;
+  const Work& work;
+  std::uint64_t seed = 0;            ///< of the repetition; equal for all caches, so that they see the same operations
+  std::uint32_t latency_every = 16;  ///< one operation in so many is timed, at random; 1 times all, 0 none
+};
+
+/// What came out. A trial that was not valid has `error` set, and its times mean nothing.
+struct TrialOutcome {
+  std::string error;  ///< empty, or one line that says what the cache did wrong
+
+  double wall_ns = 0.0;          ///< from the first thread's begin to the end of end_frame
+  double merge_ns = 0.0;         ///< of that, end_frame
+  double cpu_ns = 0.0;           ///< processor time of the team
+  std::uint64_t operations = 0;  ///< queries and inserts
+  Counts counts;
+  std::uint64_t records = 0;     ///< stored at the end
+  std::size_t bytes = 0;         ///< the cache's memory at the end
+  Histogram query_ticks;
+  Histogram insert_ticks;
+  double checksum = 0.0;         ///< sum of the queries' answers; keeps the compiler from dropping them
+
+  // Ray-traced.
+  RayCounts rays;
+  double rmse = 0.0, relmse = 0.0, mean_ratio = 0.0;  ///< indirect radiance against the reference at the same hits
+};
+
+/// Decides which operations are timed: on average one in `every`, at random distances so that no rhythm of the workload
+/// is sampled.
+class LatencySampler {
+ public:
+  LatencySampler(std::uint32_t every, std::uint64_t seed) noexcept : every_(every), random_(seed) { rewind(); }
+
+  /// Runs `operation`; times it into `histogram` if it is its turn.
+  template <class F>
+  auto run(Histogram& histogram, F&& operation) noexcept {
+    if (left_-- != 0) [[likely]] {
+      return operation();
+    }
+    rewind();
+    const std::uint64_t start = ticks();
+    auto result = operation();
+    histogram.record(ticks() - start);
+    return result;
+  }
+
+ private:
+  void rewind() noexcept { left_ = every_ == 0 ? ~0ull : random_.below(2 * every_ - 1); }
+
+  std::uint32_t every_;
+  std::uint64_t left_;
+  Pcg32 random_;
+};
+
+/// A session whose operations are sampled for latency; has the interface the integrators use.
+template <class Session>
+class TimedSession {
+ public:
+  TimedSession(Session session, std::uint32_t every, std::uint64_t seed) noexcept
+      : session_(session), sampler_(every, seed) {}
+
+  std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
+    return sampler_.run(query_ticks, [&] { return session_.query(x); });
+  }
+  InsertResult insert(const Record& r) noexcept {
+    return sampler_.run(insert_ticks, [&] { return session_.insert(r); });
+  }
+
+  Histogram query_ticks;
+  Histogram insert_ticks;
+
+ private:
+  Session session_;
+  LatencySampler sampler_;
+};
+
+/// Ends the frame and tells how long that took: merging is part of a trial.
+template <class Cache>
+double timed_end_frame(Cache& cache) {
+  const auto start = std::chrono::steady_clock::now();
+  cache.end_frame();
+  return std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// What every kind of trial reports of its cache and its team.
+template <class Cache>
+TrialOutcome outcome_of(const Cache& cache, const TeamTimes& times, double merge_ns) {
+  TrialOutcome out;
+  out.merge_ns = merge_ns;
+  out.wall_ns = static_cast<double>(times.wall_ns()) + merge_ns;
+  out.cpu_ns = static_cast<double>(times.cpu_ns()) + merge_ns;
+  out.counts = cache.counters();
+  out.operations = out.counts.queries + out.counts.inserted + out.counts.full + out.counts.rejected;
+  cache.for_each_record([&](const Record&) { ++out.records; });
+  out.bytes = cache.memory_bytes();
+  return out;
+}
+
+}  // namespace icbench
