@@ -2,8 +2,12 @@
 // memory.
 #include "image/image.h"
 
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
 #include <ImfInputFile.h>
+#include <ImfOutputFile.h>
+#include <ImfTiledOutputFile.h>
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -92,6 +96,45 @@ TEST(Exr, HeaderHoldsNothingButTheImage) {
   EXPECT_EQ(file.header().compression(), Imf::ZIP_COMPRESSION);
 }
 
+TEST(Exr, GreyFilesAreReadAsGrey) {
+  TemporaryFolder folder;
+  const std::vector<float> luminance = {0.0f, 1e-20f, 1e20f, 0.25f, 1.0f, 2.0f};
+  Imf::Header header(3, 2);
+  header.channels().insert("Y", Imf::Channel(Imf::FLOAT));
+  Imf::FrameBuffer buffer;
+  buffer.insert("Y", Imf::Slice::Make(Imf::FLOAT, luminance.data(), header.dataWindow()));
+  {
+    Imf::OutputFile file((folder / "grey.exr").c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writePixels(2);
+  }
+  const Image image = read_image(folder / "grey.exr");
+  ASSERT_EQ(size_error(image), "");
+  for (std::size_t i = 0; i < luminance.size(); ++i) EXPECT_EQ(image.pixels[i], glm::vec3(luminance[i]));
+}
+
+TEST(Exr, OtherLayoutsAreRefused) {
+  TemporaryFolder folder;
+  const std::vector<float> depth(12);
+  Imf::Header header(4, 3);
+  header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
+  Imf::FrameBuffer buffer;
+  buffer.insert("Z", Imf::Slice::Make(Imf::FLOAT, depth.data(), header.dataWindow()));
+  {
+    Imf::OutputFile file((folder / "depth.exr").c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writePixels(3);
+  }
+  header.setTileDescription(Imf::TileDescription(2, 2));
+  {
+    Imf::TiledOutputFile file((folder / "tiled.exr").c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writeTiles(0, 1, 0, 1);
+  }
+  EXPECT_TRUE(is_one_line_with(error_of([&] { read_image(folder / "depth.exr"); }), "channels"));
+  EXPECT_TRUE(is_one_line_with(error_of([&] { read_image(folder / "tiled.exr"); }), "scan-line"));
+}
+
 TEST(Srgb, FollowsTheStandard) {
   EXPECT_EQ(srgb_from_linear(0.0f), 0.0f);
   EXPECT_FLOAT_EQ(srgb_from_linear(1.0f), 1.0f);
@@ -112,6 +155,47 @@ TEST(Png, EveryLevelSurvivesARoundTrip) {
   }
   write_image(folder / "image.PNG", image);
   EXPECT_TRUE(is_same(read_image(folder / "image.PNG"), image));
+}
+
+std::string png_chunk(std::string_view type, const std::string& data) {
+  const auto big_endian = [](std::size_t value) {
+    std::string bytes;
+    for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(value >> shift);
+    return bytes;
+  };
+  const std::string body = std::string(type) + data;
+  return big_endian(data.size()) + body +
+         big_endian(crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size())));
+}
+
+/// A PNG of one row; `row` holds its bytes as the format stores them.
+std::string one_row_png(int width, int bit_depth, int colour_type, const std::string& row) {
+  const std::string raw = '\0' + row;  // a row starts with its filter: none
+  uLongf size = compressBound(raw.size());
+  std::string deflated(size, '\0');
+  compress(reinterpret_cast<Bytef*>(deflated.data()), &size, reinterpret_cast<const Bytef*>(raw.data()),
+           raw.size());
+  deflated.resize(size);
+  const std::string header = {0, 0, 0, static_cast<char>(width),     0,
+                              0, 0, 1, static_cast<char>(bit_depth), static_cast<char>(colour_type),
+                              0, 0, 0};
+  return "\x89PNG\r\n\x1a\n" + png_chunk("IHDR", header) + png_chunk("IDAT", deflated) +
+         png_chunk("IEND", "");
+}
+
+TEST(Png, OtherColourTypes) {
+  const Image grey = decode_png(one_row_png(2, 8, 0, {'\0', '\xff'}));
+  EXPECT_EQ(grey.pixels.at(0), glm::vec3(0.0f));
+  EXPECT_EQ(grey.pixels.at(1), glm::vec3(1.0f));
+  const Image bits = decode_png(one_row_png(3, 1, 0, {'\xa0'}));
+  EXPECT_EQ(bits.pixels.at(1), glm::vec3(0.0f));
+  EXPECT_EQ(bits.pixels.at(2), glm::vec3(1.0f));
+  const Image with_alpha = decode_png(one_row_png(1, 8, 6, {'\xff', '\0', '\xff', '\x7f'}));
+  EXPECT_EQ(with_alpha.pixels.at(0), glm::vec3(1.0f, 0.0f, 1.0f));
+  const Image deep = decode_png(one_row_png(1, 16, 2, {'\x80', '\0', '\0', '\1', '\xff', '\xff'}));
+  EXPECT_FLOAT_EQ(deep.pixels.at(0).r, linear_from_srgb(32768.0f / 65535.0f));
+  EXPECT_FLOAT_EQ(deep.pixels.at(0).g, 1.0f / 65535.0f / 12.92f);
+  EXPECT_EQ(deep.pixels.at(0).b, 1.0f);
 }
 
 TEST(Png, ExposureScalesAndWhiteClips) {
