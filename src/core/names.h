@@ -42,7 +42,8 @@ inline std::string_view nearest(std::string_view word, std::span<const std::stri
 }
 
 /// The line for a name that is not among `names`; `kind` is what it should have been, such as "metric".
-inline std::string unknown_name(std::string_view kind, std::string_view word, std::span<const std::string_view> names) {
+inline std::string unknown_name(std::string_view kind, std::string_view word,
+                                std::span<const std::string_view> names) {
   std::string line = "unknown " + std::string(kind) + " '" + std::string(word) + "'; ";
   if (const std::string_view guess = nearest(word, names); !guess.empty()) {
     line += "did you mean '" + std::string(guess) + "'? ";

@@ -24,6 +24,11 @@ void for_all_tiles(const RayTracer& rays, int width, int height, F&& f) {
   });
 }
 
+/// The value of a metric that has a single one.
+double figure(MetricFunction metric, const Image& reference, const Image& image) {
+  return metric(reference, image, nullptr).front().value;
+}
+
 }  // namespace
 
 PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
@@ -35,7 +40,8 @@ PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
   return primary;
 }
 
-Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp, std::uint64_t seed) {
+Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp,
+                         std::uint64_t seed) {
   const std::uint32_t half = std::max(1u, spp / 2);
   Image halves[2];
   for (std::uint32_t h = 0; h < 2; ++h) {
@@ -50,8 +56,8 @@ Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std:
   for (std::size_t i = 0; i < out.indirect.pixels.size(); ++i) {
     out.indirect.pixels[i] = 0.5f * (halves[0].pixels[i] + halves[1].pixels[i]);
   }
-  // The halves differ by twice the variance of one; their mean has half the variance of one.
-  out.relmse = 0.25 * relmse(out.indirect, halves[0]) + 0.25 * relmse(out.indirect, halves[1]);
+  // A half lies as far from the mean of both, in expectation, as that mean lies from the truth.
+  out.relmse = 0.5 * (figure(relmse, out.indirect, halves[0]) + figure(relmse, out.indirect, halves[1]));
   return out;
 }
 
@@ -78,8 +84,8 @@ CacheConfig RayTracedPlan::config(unsigned threads) const {
   config.a = spec_.a;
   config.max_sessions = threads;
   // At worst every pixel is a record, and every session holds tickets that it does not use.
-  config.capacity = static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(primary_->hits.size() + std::uint64_t{threads} * TicketOffice<StdSync>::kBatch, kMaxCapacity));
+  config.capacity = static_cast<std::uint32_t>(std::min<std::uint64_t>(
+      primary_->hits.size() + std::uint64_t{threads} * TicketOffice<StdSync>::kBatch, kMaxCapacity));
   return config;
 }
 
@@ -95,9 +101,9 @@ std::uint64_t RayTracedPlan::records_of_one_thread(std::uint64_t seed) const {
 }
 
 void RayTracedPlan::judge(const Image& indirect, TrialOutcome& out) const {
-  out.rmse = rmse(reference_->indirect, indirect);
-  out.relmse = relmse(reference_->indirect, indirect);
-  out.mean_ratio = mean_ratio(reference_->indirect, indirect);
+  out.rmse = figure(rmse, reference_->indirect, indirect);
+  out.relmse = figure(relmse, reference_->indirect, indirect);
+  out.mean_ratio = figure(mean_ratio, reference_->indirect, indirect);
 }
 
 TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) {

@@ -1,5 +1,5 @@
-// A ray-traced workload: stored primary hits of a scene, the indirect light that a cache has to bring there, and the
-// path-traced reference it is judged by.
+// A ray-traced workload: stored primary hits of a scene, the indirect light that a cache has to bring there,
+// and the path-traced reference it is judged by.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,8 @@ namespace icbench {
 /// Indirect radiance at primary hits by path tracing, with its own error.
 struct Reference {
   Image indirect;
-  double relmse = 0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
+  double relmse =
+      0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
   std::uint32_t spp = 0;
 };
 
@@ -25,17 +26,20 @@ struct Reference {
 PrimaryHits centre_hits(const RayTracer& rays, int width, int height);
 
 /// Path traces `spp` samples (at least 2) at each hit, by all processors. Deterministic by seed.
-Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp, std::uint64_t seed);
+Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp,
+                         std::uint64_t seed);
 
-/// Radius limits of new records as shares of the scene's diagonal (Ward et al. 1988 leave them to the implementation).
+/// Radius limits of new records as shares of the scene's diagonal (Ward et al. 1988 leave them to the
+/// implementation).
 inline constexpr float kMinRadiusOfDiagonal = 0.003f;
 inline constexpr float kMaxRadiusOfDiagonal = 0.3f;
 
 class RayTracedPlan {
  public:
-  /// `rays`, `primary` and `reference` are shared by all workloads of one scene and size, and outlive the plan.
-  RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, const PrimaryHits& primary, const Reference& reference,
-                std::uint64_t seed);
+  /// `rays`, `primary` and `reference` are shared by all workloads of one scene and size, and outlive the
+  /// plan.
+  RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, const PrimaryHits& primary,
+                const Reference& reference, std::uint64_t seed);
 
   const WorkloadSpec& spec() const noexcept { return spec_; }
   const RayTracer& rays() const noexcept { return *rays_; }

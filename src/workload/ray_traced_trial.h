@@ -1,5 +1,5 @@
-// Runs the indirect pass of a ray-traced workload through one cache. Instantiated once per cache, in a translation unit
-// of its own.
+// Runs the indirect pass of a ray-traced workload through one cache. Instantiated once per cache, in a
+// translation unit of its own.
 #pragma once
 
 #include <memory>

@@ -27,21 +27,22 @@ constexpr Synthetic kSynthetic[] = {
     {"mix_99_1", "99 % queries, 1 % inserts on a filled cache", WorkloadKind::mix, 100'000, 10},
     {"mix_90_10", "90 % queries, 10 % inserts on a filled cache", WorkloadKind::mix, 100'000, 100},
     {"mix_50_50", "half queries, half inserts on a filled cache", WorkloadKind::mix, 100'000, 500},
-    {"miss_driven", "query; on a miss compute for a set time and insert; starts empty", WorkloadKind::miss_driven,
-     100'000, 0},
+    {"miss_driven", "query; on a miss compute for a set time and insert; starts empty",
+     WorkloadKind::miss_driven, 100'000, 0},
 };
 
 [[noreturn]] void fail(std::string_view workload, const std::string& what) {
   throw std::runtime_error(fmt::format("workload '{}': {}", workload, what));
 }
 
-double parse_number(std::string_view workload, std::string_view key, std::string_view value, double low, double high,
-                    bool whole) {
+double parse_number(std::string_view workload, std::string_view key, std::string_view value, double low,
+                    double high, bool whole) {
   double number = 0.0;
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
   if (error != std::errc{} || end != value.data() + value.size() || !(number >= low && number <= high) ||
       (whole && number != std::floor(number))) {
-    fail(workload, fmt::format("{}={} is not a {}number from {} to {}", key, value, whole ? "whole " : "", low, high));
+    fail(workload,
+         fmt::format("{}={} is not a {}number from {} to {}", key, value, whole ? "whole " : "", low, high));
   }
   return number;
 }
@@ -71,14 +72,15 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     known.push_back({"rays", fmt::to_string(s.rays), number("rays", 1, 1 << 20, true, &WorkloadSpec::rays)});
     known.push_back({"a", fmt::to_string(s.a), number("a", 0.001, 1, false, &WorkloadSpec::a)});
     known.push_back({"spp", fmt::to_string(s.spp), number("spp", 1, 1 << 20, true, &WorkloadSpec::spp)});
-    known.push_back({"size", fmt::format("{}x{}", s.width, s.height), [text](WorkloadSpec& spec, std::string_view value) {
-                       const std::size_t x = value.find('x');
-                       if (x == value.npos) fail(text, fmt::format("size={} is not of the form WxH", value));
-                       spec.width = static_cast<std::uint32_t>(
-                           parse_number(text, "size", value.substr(0, x), 1, 16384, true));
-                       spec.height = static_cast<std::uint32_t>(
-                           parse_number(text, "size", value.substr(x + 1), 1, 16384, true));
-                     }});
+    known.push_back(
+        {"size", fmt::format("{}x{}", s.width, s.height), [text](WorkloadSpec& spec, std::string_view value) {
+           const std::size_t x = value.find('x');
+           if (x == value.npos) fail(text, fmt::format("size={} is not of the form WxH", value));
+           spec.width =
+               static_cast<std::uint32_t>(parse_number(text, "size", value.substr(0, x), 1, 16384, true));
+           spec.height =
+               static_cast<std::uint32_t>(parse_number(text, "size", value.substr(x + 1), 1, 16384, true));
+         }});
     known.push_back({"tiles", "morton", [](WorkloadSpec& spec, std::string_view value) {
                        spec.tiles = parse_tile_order(value);
                      }});
@@ -96,13 +98,15 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
                      }
                    }});
   if (s.kind == WorkloadKind::miss_driven) {
-    known.push_back({"cost", fmt::to_string(s.cost_us), number("cost", 0, 1e6, false, &WorkloadSpec::cost_us)});
+    known.push_back(
+        {"cost", fmt::to_string(s.cost_us), number("cost", 0, 1e6, false, &WorkloadSpec::cost_us)});
   } else {
-    known.push_back({"records", fmt::to_string(s.records), number("records", 1, 1 << 24, true, &WorkloadSpec::records)});
+    known.push_back(
+        {"records", fmt::to_string(s.records), number("records", 1, 1 << 24, true, &WorkloadSpec::records)});
   }
   if (s.kind != WorkloadKind::insert_only) {
-    known.push_back(
-        {"operations", fmt::to_string(s.operations), number("operations", 1, 1 << 28, true, &WorkloadSpec::operations)});
+    known.push_back({"operations", fmt::to_string(s.operations),
+                     number("operations", 1, 1 << 28, true, &WorkloadSpec::operations)});
   }
   known.push_back({"a", fmt::to_string(s.a), number("a", 0.001, 1, false, &WorkloadSpec::a)});
   known.push_back({"scene", s.scene, [](WorkloadSpec& spec, std::string_view value) {
@@ -142,11 +146,16 @@ WorkloadSpec base_spec(std::string_view base, std::string_view text) {
 
 std::string_view to_string(WorkloadKind kind) noexcept {
   switch (kind) {
-    case WorkloadKind::read_only: return "read_only";
-    case WorkloadKind::insert_only: return "insert_only";
-    case WorkloadKind::mix: return "mix";
-    case WorkloadKind::miss_driven: return "miss_driven";
-    case WorkloadKind::ray_traced: return "ray_traced";
+    case WorkloadKind::read_only:
+      return "read_only";
+    case WorkloadKind::insert_only:
+      return "insert_only";
+    case WorkloadKind::mix:
+      return "mix";
+    case WorkloadKind::miss_driven:
+      return "miss_driven";
+    case WorkloadKind::ray_traced:
+      return "ray_traced";
   }
   return "unknown";
 }

@@ -1,9 +1,11 @@
 // What to run: a workload's name and parameters, as typed on the command line and as it stands in results.
 //
-//   NAME[:key=value]...      e.g. "read_only", "miss_driven:cost=10", "mix_90_10:order=hot_spot", "cornell_box:rays=64"
+//   NAME[:key=value]...      e.g. "read_only", "miss_driven:cost=10", "mix_90_10:order=hot_spot",
+//   "cornell_box:rays=64"
 //
-// Synthetic workloads (read_only, insert_only, mix_99_1, mix_90_10, mix_50_50, miss_driven) run cache operations on
-// points of a scene's surfaces without rendering; a scene's name is the ray-traced workload on that scene.
+// Synthetic workloads (read_only, insert_only, mix_99_1, mix_90_10, mix_50_50, miss_driven) run cache
+// operations on points of a scene's surfaces without rendering; a scene's name is the ray-traced workload on
+// that scene.
 #pragma once
 
 #include <cstdint>
@@ -35,17 +37,17 @@ struct WorkloadSpec {
 
   // Synthetic.
   PointOrder order = PointOrder::uniform;
-  std::uint32_t records = 100'000;      ///< stored before the clock starts; for insert_only: inserted
-  std::uint32_t operations = 100'000;   ///< cache operations, all threads together
-  std::uint32_t inserts_per_1000 = 0;   ///< share of inserts in a mix
-  double cost_us = 1.0;                 ///< miss_driven: work per record, microseconds
+  std::uint32_t records = 100'000;     ///< stored before the clock starts; for insert_only: inserted
+  std::uint32_t operations = 100'000;  ///< cache operations, all threads together
+  std::uint32_t inserts_per_1000 = 0;  ///< share of inserts in a mix
+  double cost_us = 1.0;                ///< miss_driven: work per record, microseconds
 
   // Ray-traced.
   std::uint32_t rays = 64;  ///< gather rays per record
   std::uint32_t width = 256, height = 256;
   TileOrder tiles = TileOrder::morton;
-  bool path = false;      ///< integrator=path: the rival without a cache
-  std::uint32_t spp = 16; ///< path: samples per pixel
+  bool path = false;       ///< integrator=path: the rival without a cache
+  std::uint32_t spp = 16;  ///< path: samples per pixel
 
   bool uses_cache() const noexcept { return !path; }
 };

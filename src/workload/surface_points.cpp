@@ -16,7 +16,7 @@
 namespace icbench {
 namespace {
 
-constexpr std::size_t kGrain = 256;       // points per parallel chunk
+constexpr std::size_t kGrain = 256;  // points per parallel chunk
 constexpr std::uint32_t kRadiusRays = 16;
 constexpr int kMaxBounces = 5;
 
@@ -27,7 +27,8 @@ float mean_distance(Tracer& tracer, const Hit& hit, const RadiusLimits& limits, 
   const Basis basis(hit.n);
   for (Ray& ray : rays) {
     const float u = random.uniform(), v = random.uniform();
-    ray = {tracer.shared().leave(hit.p, hit.ng), std::numeric_limits<float>::infinity(), cosine_direction(basis, u, v)};
+    ray = {tracer.shared().leave(hit.p, hit.ng), std::numeric_limits<float>::infinity(),
+           cosine_direction(basis, u, v)};
   }
   tracer.intersect(rays, hits);
   double inverse = 0.0;
@@ -37,7 +38,9 @@ float mean_distance(Tracer& tracer, const Hit& hit, const RadiusLimits& limits, 
   return limits.clamp(static_cast<float>(kRadiusRays / inverse));
 }
 
-RadiusLimits limits_of(const RayTracer& rays) { return RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.2f); }
+RadiusLimits limits_of(const RayTracer& rays) {
+  return RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.2f);
+}
 
 /// Keeps a hit inside the cache's bounds, which rounding at the outermost surfaces may leave.
 SurfacePoint point_of(const Hit& hit, const Bounds& bounds) {
@@ -80,7 +83,8 @@ SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint
     }
   });
   if (lost.load(std::memory_order_relaxed)) {
-    throw std::runtime_error("scene '" + rays.scene().name + "': the camera sees no surface; point it at the scene");
+    throw std::runtime_error("scene '" + rays.scene().name +
+                             "': the camera sees no surface; point it at the scene");
   }
   return out;
 }
@@ -116,7 +120,8 @@ SurfacePoints image_points(const RayTracer& rays, int width, int height, std::ui
     if (!tile.points.empty()) tile_ends.push_back(static_cast<std::uint32_t>(out.points.size()));
   }
   if (out.points.empty()) {
-    throw std::runtime_error("scene '" + rays.scene().name + "': the camera sees no surface; point it at the scene");
+    throw std::runtime_error("scene '" + rays.scene().name +
+                             "': the camera sees no surface; point it at the scene");
   }
   return out;
 }

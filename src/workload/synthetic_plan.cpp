@@ -11,8 +11,8 @@ namespace icbench {
 namespace {
 
 constexpr std::uint32_t kQueryPoints = 1u << 17;
-constexpr int kImage = 512;        // pixels a side of the image that coherent points are seen through
-constexpr double kOverlap = 6.0;   // records valid at a point of a filled cache, on average
+constexpr int kImage = 512;       // pixels a side of the image that coherent points are seen through
+constexpr double kOverlap = 6.0;  // records valid at a point of a filled cache, on average
 
 std::uint32_t inserts_of(const WorkloadSpec& s) {
   if (s.kind == WorkloadKind::insert_only) return s.records;
@@ -22,10 +22,12 @@ std::uint32_t inserts_of(const WorkloadSpec& s) {
 }  // namespace
 
 Irradiance smooth_irradiance(const glm::vec3& p) noexcept {
-  return {2.0f + std::sin(3.0f * p.x), 2.0f + std::sin(3.0f * p.y + 1.0f), 2.0f + std::sin(3.0f * p.z + 2.0f)};
+  return {2.0f + std::sin(3.0f * p.x), 2.0f + std::sin(3.0f * p.y + 1.0f),
+          2.0f + std::sin(3.0f * p.z + 2.0f)};
 }
 
-SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed) : spec_(spec) {
+SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed)
+    : spec_(spec) {
   points_ = spec.order == PointOrder::coherent ? image_points(rays, kImage, kImage, seed, tile_ends_)
                                                : scattered_points(rays, kQueryPoints, seed);
   if (spec.order == PointOrder::hot_spot) add_hot_spot(seed);
@@ -47,13 +49,14 @@ SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, st
 }
 
 std::uint64_t SyntheticPlan::expected_hits(const Streams& streams) const {
-  return static_cast<std::uint64_t>(
-      std::count_if(streams.operations.begin(), streams.operations.end(), [&](std::uint32_t i) { return hits_[i]; }));
+  return static_cast<std::uint64_t>(std::count_if(streams.operations.begin(), streams.operations.end(),
+                                                  [&](std::uint32_t i) { return hits_[i]; }));
 }
 
 void SyntheticPlan::add_hot_spot(std::uint64_t seed) {
   const std::vector<SurfacePoint>& points = points_.points;
-  const glm::vec3 centre = points[Pcg32(hash_keys(seed, 2)).below(static_cast<std::uint32_t>(points.size()))].p;
+  const glm::vec3 centre =
+      points[Pcg32(hash_keys(seed, 2)).below(static_cast<std::uint32_t>(points.size()))].p;
   hot_.resize(points.size());
   std::iota(hot_.begin(), hot_.end(), 0u);
   const std::size_t keep = std::max<std::size_t>(1, points.size() / 100);
@@ -63,8 +66,9 @@ void SyntheticPlan::add_hot_spot(std::uint64_t seed) {
   hot_.resize(keep);
 }
 
-// A renderer's records come about by misses and hardly overlap more than a few times, however many there are. Records
-// strewn at random get there by scaling their radii; the ratios between radii stay those of the scene.
+// A renderer's records come about by misses and hardly overlap more than a few times, however many there are.
+// Records strewn at random get there by scaling their radii; the ratios between radii stay those of the
+// scene.
 void SyntheticPlan::scale_radii() {
   constexpr int kRounds = 6;
   constexpr std::uint32_t kProbes = 1000;
@@ -104,14 +108,17 @@ Streams SyntheticPlan::streams(unsigned threads, std::uint64_t seed) const {
     Pcg32 random(hash_keys(seed, t, 4));
     std::uint32_t tile = t, at = 0, tile_end = 0;
     for (std::uint32_t i = out.begin.back(); i < end; ++i) {
-      // Inserts are spread evenly over the operations, so that every thread gets its share and each is made once.
+      // Inserts are spread evenly over the operations, so that every thread gets its share and each is made
+      // once.
       if (std::uint64_t{i + 1} * inserts / n > std::uint64_t{i} * inserts / n) {
         out.operations.push_back(Streams::kInsert | next_insert++);
         continue;
       }
       std::uint32_t point = 0;
       switch (spec_.order) {
-        case PointOrder::uniform: point = random.below(points); break;
+        case PointOrder::uniform:
+          point = random.below(points);
+          break;
         case PointOrder::hot_spot:
           point = random.below(10) != 0 ? hot_[random.below(static_cast<std::uint32_t>(hot_.size()))]
                                         : random.below(points);
@@ -142,7 +149,8 @@ CacheConfig SyntheticPlan::config(unsigned threads) const {
   // Tickets are drawn in batches, so every session may hold some that it does not use.
   constexpr std::uint32_t kBatch = TicketOffice<StdSync>::kBatch;
   const std::uint64_t most = records_.empty() ? spec_.operations : records_.size();
-  config.capacity = static_cast<std::uint32_t>(std::min<std::uint64_t>(most + std::uint64_t{threads} * kBatch, kMaxCapacity));
+  config.capacity = static_cast<std::uint32_t>(
+      std::min<std::uint64_t>(most + std::uint64_t{threads} * kBatch, kMaxCapacity));
   return config;
 }
 

@@ -33,7 +33,8 @@ class SyntheticPlan {
   const WorkloadSpec& spec() const noexcept { return spec_; }
   const std::vector<SurfacePoint>& points() const noexcept { return points_.points; }
 
-  /// Records of the workload: the first `prefilled()` are stored before the clock starts, streams insert the others.
+  /// Records of the workload: the first `prefilled()` are stored before the clock starts, streams insert the
+  /// others.
   const std::vector<Record>& records() const noexcept { return records_; }
   std::uint32_t prefilled() const noexcept { return prefilled_; }
 
@@ -49,8 +50,8 @@ class SyntheticPlan {
   /// How many of the queries of a read-only stream find a record, by the oracle of a single thread.
   std::uint64_t expected_hits(const Streams& streams) const;
 
-  /// Records that a single thread leaves behind when it runs the streams of `seed`: what is more is redundant. 0 for
-  /// workloads whose inserts do not depend on misses.
+  /// Records that a single thread leaves behind when it runs the streams of `seed`: what is more is
+  /// redundant. 0 for workloads whose inserts do not depend on misses.
   std::uint64_t records_of_one_thread(std::uint64_t seed) const;
 
  private:

@@ -92,15 +92,19 @@ TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& se
   if constexpr (Cache::kTraits.consistency != Consistency::none) {
     Record made;
     const auto expected = [&](std::uint32_t id) -> const Record* {
-      if (spec.kind != WorkloadKind::miss_driven) return id < plan.records().size() ? &plan.records()[id] : nullptr;
+      if (spec.kind != WorkloadKind::miss_driven)
+        return id < plan.records().size() ? &plan.records()[id] : nullptr;
       if (id >= streams.operations.size()) return nullptr;
       made = plan.record_at(streams, id);
       return &made;
     };
     const std::uint64_t accepted = plan.prefilled() + out.counts.inserted;
-    out.error = validate_records(cache, first, accepted, sample_points(plan.points(), kOracleSamples), expected);
-    if (out.error.empty() && spec.kind == WorkloadKind::read_only && out.counts.hits != plan.expected_hits(streams)) {
-      out.error = fmt::format("{} queries hit where the oracle hits {}", out.counts.hits, plan.expected_hits(streams));
+    out.error =
+        validate_records(cache, first, accepted, sample_points(plan.points(), kOracleSamples), expected);
+    if (out.error.empty() && spec.kind == WorkloadKind::read_only &&
+        out.counts.hits != plan.expected_hits(streams)) {
+      out.error = fmt::format("{} queries hit where the oracle hits {}", out.counts.hits,
+                              plan.expected_hits(streams));
     }
     if (out.error.empty() && out.counts.full + out.counts.rejected != 0) {
       out.error = fmt::format("{} inserts refused", out.counts.full + out.counts.rejected);

@@ -20,7 +20,7 @@ namespace icbench {
 struct TrialSetup {
   ThreadTeam& team;
   const Work& work;
-  std::uint64_t seed = 0;            ///< of the repetition; equal for all caches, so that they see the same operations
+  std::uint64_t seed = 0;  ///< of the repetition; equal for all caches, so that they see the same operations
   std::uint32_t latency_every = 16;  ///< one operation in so many is timed, at random; 1 times all, 0 none
 };
 
@@ -33,22 +33,25 @@ struct TrialOutcome {
   double cpu_ns = 0.0;           ///< processor time of the team
   std::uint64_t operations = 0;  ///< queries and inserts
   Counts counts;
-  std::uint64_t records = 0;     ///< stored at the end
-  std::size_t bytes = 0;         ///< the cache's memory at the end
+  std::uint64_t records = 0;  ///< stored at the end
+  std::size_t bytes = 0;      ///< the cache's memory at the end
   Histogram query_ticks;
   Histogram insert_ticks;
-  double checksum = 0.0;         ///< sum of the queries' answers; keeps the compiler from dropping them
+  double checksum = 0.0;  ///< sum of the queries' answers; keeps the compiler from dropping them
 
   // Ray-traced.
   RayCounts rays;
-  double rmse = 0.0, relmse = 0.0, mean_ratio = 0.0;  ///< indirect radiance against the reference at the same hits
+  double rmse = 0.0, relmse = 0.0,
+         mean_ratio = 0.0;  ///< indirect radiance against the reference at the same hits
 };
 
-/// Decides which operations are timed: on average one in `every`, at random distances so that no rhythm of the workload
-/// is sampled.
+/// Decides which operations are timed: on average one in `every`, at random distances so that no rhythm of
+/// the workload is sampled.
 class LatencySampler {
  public:
-  LatencySampler(std::uint32_t every, std::uint64_t seed) noexcept : every_(every), random_(seed) { rewind(); }
+  LatencySampler(std::uint32_t every, std::uint64_t seed) noexcept : every_(every), random_(seed) {
+    rewind();
+  }
 
   /// Runs `operation`; times it into `histogram` if it is its turn.
   template <class F>

@@ -10,19 +10,22 @@
 #include <string>
 #include <vector>
 
+#include "core/interpolation.h"
 #include "core/random.h"
 #include "core/types.h"
-#include "core/interpolation.h"
 
 namespace icbench {
 
-inline bool same_bits(const Record& a, const Record& b) noexcept { return std::memcmp(&a, &b, sizeof a) == 0; }
+inline bool same_bits(const Record& a, const Record& b) noexcept {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
 
-/// Checks a quiescent cache (after end_frame): every record there is bit for bit the one that was given, none is there
-/// twice, and there are exactly as many as were accepted; and queries at sample points see exactly the valid ones.
+/// Checks a quiescent cache (after end_frame): every record there is bit for bit the one that was given, none
+/// is there twice, and there are exactly as many as were accepted; and queries at sample points see exactly
+/// the valid ones.
 ///
-/// `expected(id)` returns the record that was given under an id, or nullptr if none was. Empty if all is well, else one
-/// line. `session` must be one of the cache's.
+/// `expected(id)` returns the record that was given under an id, or nullptr if none was. Empty if all is
+/// well, else one line. `session` must be one of the cache's.
 template <class Cache, class Session, class Expected>
 std::string validate_records(const Cache& cache, Session& session, std::uint64_t accepted,
                              std::span<const SurfacePoint> samples, Expected&& expected) {
@@ -38,7 +41,8 @@ std::string validate_records(const Cache& cache, Session& session, std::uint64_t
   const auto twice = std::adjacent_find(stored.begin(), stored.end(),
                                         [](const Record& a, const Record& b) { return a.id == b.id; });
   if (twice != stored.end()) return fmt::format("duplicated record {}", twice->id);
-  if (stored.size() != accepted) return fmt::format("{} records accepted but {} stored", accepted, stored.size());
+  if (stored.size() != accepted)
+    return fmt::format("{} records accepted but {} stored", accepted, stored.size());
 
   for (const SurfacePoint& x : samples) {
     std::vector<std::uint32_t> seen, valid;
@@ -47,7 +51,8 @@ std::string validate_records(const Cache& cache, Session& session, std::uint64_t
       if (split_sphere_weight(x, r, cache.config().a) > 0.0f) valid.push_back(r.id);
     }
     std::sort(seen.begin(), seen.end());
-    if (seen != valid) return fmt::format("a query sees {} records where {} are valid", seen.size(), valid.size());
+    if (seen != valid)
+      return fmt::format("a query sees {} records where {} are valid", seen.size(), valid.size());
   }
   return {};
 }

@@ -1,0 +1,55 @@
+// Help with mistyped names, for every subcommand.
+#pragma once
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace icbench {
+
+/// Levenshtein distance: the fewest insertions, deletions and replacements of a byte that turn a into b.
+inline std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+    }
+  }
+  return row.back();
+}
+
+/// The name closest to `word`, the first of equals; empty if none shares half of its letters with it.
+inline std::string nearest(std::string_view word, std::span<const std::string_view> names) {
+  std::string_view best;
+  std::size_t best_distance = 0;
+  for (const std::string_view name : names) {
+    const std::size_t distance = edit_distance(word, name);
+    if (2 * distance > std::max(word.size(), name.size())) continue;
+    if (best.empty() || distance < best_distance) {
+      best = name;
+      best_distance = distance;
+    }
+  }
+  return std::string(best);
+}
+
+/// The line for a name that is not among `names`; `kind` is what it should have been, such as "metric".
+inline std::string unknown_name(std::string_view kind, std::string_view word,
+                                std::span<const std::string_view> names) {
+  const std::string guess = nearest(word, names);
+  return fmt::format("unknown {} '{}'; {}known: {}", kind, word,
+                     guess.empty() ? "" : fmt::format("did you mean '{}'? ", guess), fmt::join(names, ", "));
+}
+
+}  // namespace icbench

@@ -1,0 +1,20 @@
+// Ratio of mean values: brightness gained or lost, the mark of bias that noise averages out of.
+#pragma once
+
+#include "image/metrics/metric.h"
+
+namespace icbench {
+
+/// mean(x) / mean(ref) over channels and pixels; dimensionless; 1 if both are black. No map. Throws if only
+/// the reference has no light.
+inline std::vector<MetricValue> mean_ratio(const Image& reference, const Image& image, Image*) {
+  check_comparable(reference, image);
+  const double base = channel_mean(reference);
+  const double mean = channel_mean(image);
+  if (base > 0.0) return {{"", mean / base}};
+  if (base == 0.0 && mean == 0.0) return {{"", 1.0}};
+  throw std::runtime_error(
+      "mean_ratio: the mean of the reference is not positive, so there is no ratio to it");
+}
+
+}  // namespace icbench

@@ -1,0 +1,31 @@
+// The image metrics. Adding one is a header in this folder and an entry here.
+#pragma once
+
+#include <array>
+
+#include "image/metrics/block_rmse.h"
+#include "image/metrics/mean_ratio.h"
+#include "image/metrics/metric.h"
+#include "image/metrics/relmse.h"
+#include "image/metrics/rmse.h"
+
+namespace icbench {
+
+inline constexpr std::array kMetrics = {
+    Metric{"rmse", rmse, true, "smaller is closer, 0 is equal; W/(m^2 sr)", "-"},
+    Metric{"relmse", relmse, true, "smaller is closer, 0 is equal; epsilon 0.01",
+           "Rousselle, Knaus, Zwicker 2011"},
+    Metric{"mean_ratio", mean_ratio, false, "below 1 is darker than the reference, 1 has no bias", "-"},
+    Metric{"block_rmse", block_rmse, true,
+           "smaller is closer, 0 is equal up to pixel noise; share of the mean", "this project"},
+};
+
+/// The metric of that name, or nullptr.
+inline const Metric* find_metric(std::string_view name) noexcept {
+  for (const Metric& metric : kMetrics) {
+    if (metric.name == name) return &metric;
+  }
+  return nullptr;
+}
+
+}  // namespace icbench

@@ -1,0 +1,135 @@
+// PNG through stb. stb trusts sizes and skips checksums; both are checked here before it sees a file.
+#include <fmt/format.h>
+#include <stb_image.h>
+#include <stb_image_write.h>
+#include <zlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <stdexcept>
+
+#include "image/codec.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::string_view kSignature("\x89PNG\r\n\x1a\n", 8);
+
+/// No deflate stream expands by more.
+constexpr std::int64_t kMaxDeflateRatio = 1032;
+
+std::uint32_t big_endian(std::string_view bytes) noexcept {
+  std::uint32_t value = 0;
+  for (int i = 0; i < 4; ++i)
+    value = value << 8 | static_cast<unsigned char>(bytes[static_cast<std::size_t>(i)]);
+  return value;
+}
+
+struct PngHeader {
+  std::int64_t width, height;
+  int bit_depth, colour_type;
+};
+
+/// Checks the signature and every chunk's length and checksum up to IEND (PNG specification, section 5).
+PngHeader check_chunks(std::string_view bytes) {
+  if (bytes.substr(0, kSignature.size()) != kSignature) throw std::runtime_error("not a PNG image");
+  bytes.remove_prefix(kSignature.size());
+  PngHeader header{};
+  for (bool first = true;; first = false) {
+    if (bytes.size() < 12 || big_endian(bytes) > bytes.size() - 12) {
+      throw std::runtime_error("the PNG image ends too early");
+    }
+    const std::size_t length = big_endian(bytes);
+    const std::string_view body = bytes.substr(4, 4 + length);
+    const auto sum = ::crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size()));
+    if (sum != big_endian(bytes.substr(8 + length)))
+      throw std::runtime_error("a checksum of the PNG image is wrong");
+    const std::string_view type = body.substr(0, 4);
+    if (first != (type == "IHDR") || (first && length != 13))
+      throw std::runtime_error("the PNG header is wrong");
+    if (first) header = {big_endian(body.substr(4)), big_endian(body.substr(8)), body[12], body[13]};
+    if (type == "IEND") return header;
+    bytes.remove_prefix(12 + length);
+  }
+}
+
+/// Throws if the pixels claimed are too many, or more than the file's bytes can hold.
+void check_size(const PngHeader& header, std::size_t file_size) {
+  const bool fits = header.width >= 1 && header.height >= 1 && header.width <= kMaxImageSide &&
+                    header.height <= kMaxImageSide && header.width * header.height <= kMaxImagePixels;
+  constexpr std::array<int, 7> kSamples = {1, 0, 3, 1, 2, 0, 4};  // per pixel, by colour type
+  const bool known = header.colour_type >= 0 && header.colour_type < 7;
+  const std::int64_t bits =
+      known ? kSamples[static_cast<std::size_t>(header.colour_type)] * header.bit_depth : 0;
+  if (!fits || bits < 1 ||
+      header.height * (1 + header.width * bits / 8) >
+          kMaxDeflateRatio * static_cast<std::int64_t>(file_size)) {
+    throw std::runtime_error(fmt::format("the PNG image claims {} x {} pixels, which it cannot hold",
+                                         header.width, header.height));
+  }
+}
+
+template <class Sample, class Load>
+Image decode(std::string_view bytes, Load load, float white) {
+  Image image;
+  int channels = 0;
+  const std::unique_ptr<Sample, void (*)(void*)> samples(
+      load(reinterpret_cast<const stbi_uc*>(bytes.data()), static_cast<int>(bytes.size()), &image.width,
+           &image.height, &channels, 3),
+      stbi_image_free);
+  if (!samples) throw std::runtime_error(fmt::format("the PNG image is damaged ({})", stbi_failure_reason()));
+  const std::size_t count = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
+  image.pixels.reserve(count);
+  for (const Sample* s = samples.get(); s != samples.get() + 3 * count; s += 3) {
+    image.pixels.emplace_back(linear_from_srgb(static_cast<float>(s[0]) / white),
+                              linear_from_srgb(static_cast<float>(s[1]) / white),
+                              linear_from_srgb(static_cast<float>(s[2]) / white));
+  }
+  return image;
+}
+
+}  // namespace
+
+float srgb_from_linear(float linear) noexcept {
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
+}
+
+float linear_from_srgb(float encoded) noexcept {
+  return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
+}
+
+std::string encode_png(const Image& image, float exposure) {
+  if (!(exposure > 0.0f) || !std::isfinite(exposure)) {
+    throw std::runtime_error(fmt::format("the exposure is {}; it must be positive and finite", exposure));
+  }
+  std::vector<unsigned char> samples;
+  samples.reserve(3 * image.pixels.size());
+  for (const glm::vec3& pixel : image.pixels) {
+    for (int c = 0; c < 3; ++c) {
+      const float encoded = srgb_from_linear(std::min(pixel[c] * exposure, 1.0f));
+      samples.push_back(static_cast<unsigned char>(255.0f * encoded + 0.5f));
+    }
+  }
+  std::string bytes;
+  const auto append = [](void* context, void* data, int size) {
+    static_cast<std::string*>(context)->append(static_cast<const char*>(data),
+                                               static_cast<std::size_t>(size));
+  };
+  if (!stbi_write_png_to_func(append, &bytes, image.width, image.height, 3, samples.data(),
+                              3 * image.width)) {
+    throw std::runtime_error("not enough memory to encode the PNG image");
+  }
+  return bytes;
+}
+
+Image decode_png(std::string_view bytes) {
+  if (bytes.size() > std::size_t{1} << 30) throw std::runtime_error("the PNG image is larger than 1 GiB");
+  const PngHeader header = check_chunks(bytes);
+  check_size(header, bytes.size());
+  return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f)
+                                : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f);
+}
+
+}  // namespace icbench

@@ -1,0 +1,28 @@
+#include "workload/dispatch.h"
+
+#include <stdexcept>
+
+#include "caches/registry.h"
+#include "core/names.h"
+
+namespace icbench {
+
+std::span<const CacheEntry> all_caches() {
+#define ICBENCH_ENTRY(id, Type)                                                                  \
+  CacheEntry{Type<NoCounters>::kTraits, &run_synthetic_trial<Type>, &run_ray_traced_trial<Type>, \
+             &render_cached_picture<Type>},
+  static const CacheEntry entries[] = {ICBENCH_CACHES(ICBENCH_ENTRY)};
+#undef ICBENCH_ENTRY
+  return entries;
+}
+
+const CacheEntry& find_cache(std::string_view name) {
+  std::vector<std::string_view> known;
+  for (const CacheEntry& entry : all_caches()) {
+    if (entry.traits.name == name) return entry;
+    known.push_back(entry.traits.name);
+  }
+  throw std::runtime_error(unknown_name("cache", name, known));
+}
+
+}  // namespace icbench
