@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "cli/suggest.h"
+#include "core/names.h"
 #include "image/file.h"
 #include "image/image.h"
 #include "temporary_folder.h"

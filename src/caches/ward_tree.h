@@ -31,6 +31,7 @@
 
 #include <bit>
 #include <new>
+#include <utility>
 
 #include "caches/locks.h"
 #include "core/arena.h"

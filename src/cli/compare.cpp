@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/suggest.h"
+#include "core/names.h"
 #include "image/file.h"
 #include "image/image.h"
 #include "image/metrics/registry.h"

@@ -16,7 +16,7 @@ namespace icbench {
 template <class Session>
 struct alignas(kNoSharing) RayTracedWorker {
   RayTracedWorker(Session s, const RayTracer& rays, std::uint32_t latency_every, std::uint64_t seed)
-      : session(s), timed(*this, latency_every, seed), tracer(rays) {}
+      : session(s), timed(Remembering{this}, latency_every, seed), tracer(rays) {}
 
   /// Passes operations through and remembers what was accepted, for validation.
   struct Remembering {

@@ -1,0 +1,127 @@
+// icbench list: what can be named elsewhere.
+#include <fmt/format.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "core/names.h"
+#include "image/metrics/registry.h"
+#include "render/integrators.h"
+#include "scene/registry.h"
+#include "workload/dispatch.h"
+#include "workload/names.h"
+#include "workload/spec.h"
+
+namespace icbench {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json caches() {
+  Json out = Json::array();
+  for (const CacheEntry& e : all_caches()) {
+    const CacheTraits& t = e.traits;
+    out.push_back({{"name", t.name},
+                   {"structure", t.structure},
+                   {"mechanism", t.mechanism},
+                   {"insert", to_string(t.insert)},
+                   {"query", to_string(t.query)},
+                   {"consistency", to_string(t.consistency)},
+                   {"single_thread", t.single_thread},
+                   {"source", t.source}});
+  }
+  return out;
+}
+
+Json scenes() {
+  Json out = Json::array();
+  for (const SceneEntry& e : kScenes) {
+    out.push_back({{"name", e.name}, {"analytic", e.analytic}, {"description", e.description}});
+  }
+  return out;
+}
+
+Json integrators() {
+  Json out = Json::array();
+  for (const IntegratorEntry& e : kIntegrators) {
+    out.push_back({{"name", e.name}, {"needs_cache", e.needs_cache}, {"description", e.description}});
+  }
+  return out;
+}
+
+Json workloads() {
+  Json out = Json::array();
+  for (const WorkloadEntry& e : list_workloads()) {
+    out.push_back({{"name", e.name}, {"description", e.description}, {"parameters", e.parameters}});
+  }
+  return out;
+}
+
+Json metrics() {
+  Json out = Json::array();
+  for (const Metric& m : kMetrics) out.push_back({{"name", m.name}, {"closer", m.closer}, {"source", m.source}});
+  return out;
+}
+
+std::string cell(const Json& value) {
+  return value.is_string() ? value.get<std::string>() : value.is_boolean() ? (value.get<bool>() ? "yes" : "no") : value.dump();
+}
+
+/// Columns as wide as their widest cell, the last one ragged.
+void print_table(const Json& rows) {
+  if (rows.empty()) return;
+  std::vector<std::string> keys;
+  for (const auto& [key, value] : rows.front().items()) keys.push_back(key);
+  std::vector<std::size_t> widths;
+  for (const std::string& key : keys) {
+    std::size_t width = key.size();
+    for (const Json& row : rows) width = std::max(width, cell(row.at(key)).size());
+    widths.push_back(key == keys.back() ? 0 : width);
+  }
+  const auto print_line = [&](auto&& text) {
+    for (std::size_t i = 0; i < keys.size(); ++i) fmt::print("{:<{}}{}", text(keys[i]), widths[i], i + 1 == keys.size() ? "\n" : "  ");
+  };
+  print_line([](const std::string& key) { return key; });
+  for (const Json& row : rows) print_line([&](const std::string& key) { return cell(row.at(key)); });
+}
+
+struct Listing {
+  std::string_view name;
+  Json (*make)();
+};
+constexpr Listing kListings[] = {{"caches", caches},
+                                 {"scenes", scenes},
+                                 {"integrators", integrators},
+                                 {"workloads", workloads},
+                                 {"metrics", metrics}};
+
+}  // namespace
+
+void add_list(CLI::App& app) {
+  struct Options {
+    std::string what;
+    bool json = false;
+  };
+  const auto options = std::make_shared<Options>();
+  CLI::App* list = app.add_subcommand("list", "List caches, scenes, integrators, workloads or metrics");
+  list->add_option("what", options->what, "caches | scenes | integrators | workloads | metrics")->required();
+  list->add_flag("--json", options->json, "As JSON, for programs");
+  list->callback([options] {
+    std::vector<std::string_view> known;
+    for (const Listing& listing : kListings) {
+      known.push_back(listing.name);
+      if (listing.name != options->what) continue;
+      const Json rows = listing.make();
+      if (options->json) {
+        fmt::print("{}\n", rows.dump(2));
+      } else {
+        print_table(rows);
+      }
+      return;
+    }
+    throw std::runtime_error(unknown_name("listing", options->what, known));
+  });
+}
+
+}  // namespace icbench

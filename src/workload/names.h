@@ -1,0 +1,50 @@
+// Enumerators as they stand in results and on the command line.
+#pragma once
+
+#include <string_view>
+
+#include "core/cache.h"
+#include "render/tiles.h"
+#include "workload/spec.h"
+
+namespace icbench {
+
+constexpr std::string_view to_string(Progress progress) noexcept {
+  switch (progress) {
+    case Progress::blocking: return "blocking";
+    case Progress::lock_free: return "lock_free";
+    case Progress::wait_free: return "wait_free";
+  }
+  return "unknown";
+}
+
+constexpr std::string_view to_string(Consistency consistency) noexcept {
+  switch (consistency) {
+    case Consistency::none: return "none";
+    case Consistency::frame: return "frame";
+    case Consistency::regular: return "regular";
+    case Consistency::per_record_linearizable: return "per_record_linearizable";
+    case Consistency::linearizable: return "linearizable";
+  }
+  return "unknown";
+}
+
+constexpr std::string_view to_string(PointOrder order) noexcept {
+  switch (order) {
+    case PointOrder::uniform: return "uniform";
+    case PointOrder::hot_spot: return "hot_spot";
+    case PointOrder::coherent: return "coherent";
+  }
+  return "unknown";
+}
+
+constexpr std::string_view to_string(TileOrder order) noexcept {
+  switch (order) {
+    case TileOrder::scanline: return "scanline";
+    case TileOrder::morton: return "morton";
+    case TileOrder::random: return "random";
+  }
+  return "unknown";
+}
+
+}  // namespace icbench

@@ -1,0 +1,218 @@
+#include "workload/sweep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "caches/session.h"
+#include "core/random.h"
+#include "scene/registry.h"
+#include "workload/names.h"
+
+namespace icbench {
+namespace {
+
+/// Operations and random numbers of a repetition: equal for all caches and thread counts.
+std::uint64_t seed_of(const SweepRequest& request, unsigned repetition) {
+  return hash_keys(request.seed, repetition, 8);
+}
+
+void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h, const TickRate& rate) {
+  if (h.count() == 0) return;
+  const auto put = [&](std::string_view what, std::uint64_t value) {
+    out[fmt::format("latency_{}_{}_ns", operation, what)] = std::round(rate.to_ns(value) * 10.0) / 10.0;
+  };
+  put("p50", h.percentile(0.5));
+  put("p90", h.percentile(0.9));
+  put("p99", h.percentile(0.99));
+  put("p999", h.percentile(0.999));
+  put("max", h.max());
+  out[fmt::format("latency_{}_samples", operation)] = h.count();
+}
+
+}  // namespace
+
+struct Sweep::SceneData {
+  explicit SceneData(const std::string& name) : rays(make_scene(name)) {}
+  RayTracer rays;
+};
+
+struct Sweep::ViewData {
+  PrimaryHits primary;
+  Reference reference;
+};
+
+struct Sweep::PlanData {
+  std::size_t workload;
+  std::unique_ptr<SyntheticPlan> synthetic;
+  std::unique_ptr<RayTracedPlan> ray_traced;
+  std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
+};
+
+Sweep::~Sweep() = default;
+
+Sweep::Sweep(SweepRequest request, const Topology& topology)
+    : request_(std::move(request)), topology_(topology), work_(Work::calibrate()), tick_rate_(calibrate_ticks()) {
+  std::size_t points_in_all = 0;
+  for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
+  if (points_in_all == 0) {
+    throw std::runtime_error("this sweep has no point: caches for a single thread run with --threads 1 only");
+  }
+}
+
+std::vector<SweepPoint> Sweep::points(std::size_t workload, unsigned repetition) const {
+  std::vector<SweepPoint> out;
+  for (const unsigned threads : request_.threads) {
+    if (!request_.workloads[workload].uses_cache()) {
+      out.push_back({workload, nullptr, threads});
+      continue;
+    }
+    for (const std::string& name : request_.caches) {
+      const CacheEntry& cache = find_cache(name);
+      if (!cache.traits.single_thread || threads == 1) out.push_back({workload, &cache, threads});
+    }
+  }
+  Pcg32 random(hash_keys(request_.seed, workload, repetition));
+  std::shuffle(out.begin(), out.end(), random);
+  return out;
+}
+
+std::string Sweep::name_of(const SweepPoint& p) const {
+  return fmt::format("sweep/{}/{}/threads:{}", request_.workloads[p.workload].name, p.cache_name(), p.threads);
+}
+
+const RayTracer& Sweep::tracer(const std::string& scene) {
+  auto& slot = scenes_[scene];
+  if (slot == nullptr) slot = std::make_unique<SceneData>(scene);
+  return slot->rays;
+}
+
+const Sweep::ViewData& Sweep::view(const WorkloadSpec& spec) {
+  auto& slot = views_[fmt::format("{} {}x{}", spec.scene, spec.width, spec.height)];
+  if (slot == nullptr) {
+    const RayTracer& rays = tracer(spec.scene);
+    slot = std::make_unique<ViewData>();
+    slot->primary = centre_hits(rays, static_cast<int>(spec.width), static_cast<int>(spec.height));
+    slot->reference = make_reference(rays, slot->primary, request_.reference_spp, hash_keys(request_.seed, 9));
+  }
+  return *slot;
+}
+
+Sweep::PlanData& Sweep::plan(std::size_t workload) {
+  if (plan_ != nullptr && plan_->workload == workload) return *plan_;
+  plan_.reset();  // the last workload's memory goes before the next one's comes
+  const WorkloadSpec& spec = request_.workloads[workload];
+  auto made = std::make_unique<PlanData>();
+  made->workload = workload;
+  const RayTracer& rays = tracer(spec.scene);
+  if (spec.kind == WorkloadKind::ray_traced) {
+    const ViewData& data = view(spec);
+    made->ray_traced = std::make_unique<RayTracedPlan>(spec, rays, data.primary, data.reference, request_.seed);
+  } else {
+    made->synthetic = std::make_unique<SyntheticPlan>(spec, rays, request_.seed);
+  }
+  plan_ = std::move(made);
+  return *plan_;
+}
+
+std::uint64_t Sweep::records_of_one_thread(PlanData& plan, std::uint64_t seed) {
+  const auto [at, is_new] = plan.records_of_one_thread.try_emplace(seed, 0);
+  if (is_new) {
+    at->second = plan.ray_traced ? plan.ray_traced->records_of_one_thread(seed)
+                                 : plan.synthetic->records_of_one_thread(seed);
+  }
+  return at->second;
+}
+
+ThreadTeam& Sweep::team(unsigned threads) {
+  auto& slot = teams_[threads];
+  if (slot == nullptr) slot = std::make_unique<ThreadTeam>(topology_, request_.placement, threads);
+  return *slot;
+}
+
+Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
+  const WorkloadSpec& spec = request_.workloads[point.workload];
+  PlanData& data = plan(point.workload);
+  const TrialSetup setup{team(point.threads), work_, seed_of(request_, repetition), request_.latency_every};
+  const TrialOutcome o = point.cache == nullptr ? run_path_trial(*data.ray_traced, setup)
+                         : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
+                                                : point.cache->synthetic(*data.synthetic, setup);
+  if (!o.error.empty()) {
+    throw std::runtime_error(fmt::format("invalid trial {} (repetition {}): {}", name_of(point), repetition, o.error));
+  }
+
+  Entry entry;
+  entry.name = name_of(point);
+  entry.repetitions = request_.repetitions;
+  entry.repetition_index = repetition;
+  entry.threads = point.threads;
+  entry.real_time = 1e-6 * o.wall_ns;
+  entry.cpu_time = 1e-6 * o.cpu_ns;
+  entry.time_unit = "ms";
+  entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
+
+  auto& c = entry.counters;
+  c["cache"] = point.cache_name();
+  c["workload"] = spec.name;
+  c["workload_kind"] = to_string(spec.kind);
+  c["structure"] = point.cache == nullptr ? "none" : point.cache->traits.structure;
+  c["mechanism"] = point.cache == nullptr ? "none" : point.cache->traits.mechanism;
+  c["consistency"] = to_string(point.cache == nullptr ? Consistency::none : point.cache->traits.consistency);
+  c["placement"] = to_string(request_.placement);
+  c["oversubscribed"] = topology_.oversubscribed(point.threads);
+  c["scene"] = spec.scene;
+  const double units = static_cast<double>(std::min<std::size_t>(point.threads, topology_.units().size()));
+  c["utilisation"] = std::min(1.0, o.cpu_ns / (o.wall_ns * units));
+  c["merge_ms"] = 1e-6 * o.merge_ns;
+
+  if (point.cache != nullptr) {
+    c["queries"] = o.counts.queries;
+    c["hits"] = o.counts.hits;
+    c["inserts"] = o.counts.inserted;
+    c["records"] = o.records;
+    c["records_read_per_query"] = o.counts.queries == 0 ? 0.0 : static_cast<double>(o.counts.records_read) / static_cast<double>(o.counts.queries);
+    c["records_valid_per_query"] = o.counts.queries == 0 ? 0.0 : static_cast<double>(o.counts.records_valid) / static_cast<double>(o.counts.queries);
+    c["lock_wait_share"] = static_cast<double>(o.counts.lock_wait_ns) / (o.wall_ns * point.threads);
+    c["lock_acquisitions"] = o.counts.lock_acquisitions;
+    c["lock_contended"] = o.counts.lock_contended;
+    c["cas_attempts"] = o.counts.cas_attempts;
+    c["cas_failures"] = o.counts.cas_failures;
+    c["nodes_discarded"] = o.counts.nodes_discarded;
+    if (o.records != 0) c["bytes_per_record"] = static_cast<double>(o.bytes) / static_cast<double>(o.records);
+    const bool keeps = point.cache->traits.consistency != Consistency::none;
+    if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::ray_traced)) {
+      c["redundant_records"] = static_cast<std::int64_t>(o.records) -
+                               static_cast<std::int64_t>(records_of_one_thread(data, setup.seed));
+    }
+    add_latency(c, "query", o.query_ticks, tick_rate_);
+    add_latency(c, "insert", o.insert_ticks, tick_rate_);
+  }
+  if (spec.kind == WorkloadKind::ray_traced) {
+    c["integrator"] = spec.path ? "path" : "irradiance_cache";
+    c["width"] = spec.width;
+    c["height"] = spec.height;
+    c["order"] = to_string(spec.tiles);
+    if (spec.path) {
+      c["spp"] = spec.spp;
+    } else {
+      c["rays_per_record"] = spec.rays;
+      c["accuracy"] = spec.a;
+    }
+    c["rays"] = o.rays.total();
+    c["seconds_indirect"] = 1e-9 * o.wall_ns;
+    c["rmse"] = o.rmse;
+    c["relmse"] = o.relmse;
+    c["mean_ratio"] = o.mean_ratio;
+    c["reference_relmse"] = data.ray_traced->reference().relmse;
+    c["reference_spp"] = data.ray_traced->reference().spp;
+  } else {
+    c["order"] = to_string(spec.order);
+    c["accuracy"] = spec.a;
+    if (spec.kind == WorkloadKind::miss_driven) c["record_cost_us"] = spec.cost_us;
+  }
+  return entry;
+}
+
+}  // namespace icbench

@@ -1,0 +1,83 @@
+// A sweep: workloads x caches x thread counts x repetitions, each a validated trial that becomes one row of results.
+//
+// Within a workload and repetition all caches and thread counts run in random order, so that slow drift of the machine
+// falls on all of them alike; rows of one repetition are paired.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "harness/results.h"
+#include "harness/topology.h"
+#include "workload/dispatch.h"
+#include "workload/spec.h"
+
+namespace icbench {
+
+struct SweepRequest {
+  std::vector<WorkloadSpec> workloads;
+  std::vector<std::string> caches;
+  std::vector<unsigned> threads;
+  Placement placement = Placement::compact;
+  unsigned repetitions = 7;
+  std::uint64_t seed = 1;
+  std::uint32_t latency_every = 16;
+  std::uint32_t reference_spp = 1024;  ///< samples per pixel of the ray-traced workloads' reference
+};
+
+/// One point of a sweep.
+struct SweepPoint {
+  std::size_t workload;   ///< index into the request
+  const CacheEntry* cache;  ///< null for a workload that uses none
+  unsigned threads;
+
+  std::string_view cache_name() const noexcept { return cache == nullptr ? "none" : cache->traits.name; }
+};
+
+class Sweep {
+ public:
+  /// Throws std::runtime_error with one line for an unknown cache or a sweep without a single point.
+  Sweep(SweepRequest request, const Topology& topology);
+
+  const SweepRequest& request() const noexcept { return request_; }
+  const Work& work() const noexcept { return work_; }
+  const TickRate& tick_rate() const noexcept { return tick_rate_; }
+
+  /// The points of a workload, in the random order of a repetition. Caches for a single thread appear with one only.
+  std::vector<SweepPoint> points(std::size_t workload, unsigned repetition) const;
+
+  /// Name of a point in the results: "sweep/WORKLOAD/CACHE/threads:N".
+  std::string name_of(const SweepPoint& point) const;
+
+  /// Runs one repetition of one point. Throws std::runtime_error with one line if the trial was not valid.
+  Entry run(const SweepPoint& point, unsigned repetition);
+
+ private:
+  struct SceneData;  // tracer of a scene
+  struct ViewData;   // primary hits and reference of a scene and size
+  struct PlanData;   // the plan of the workload in hand
+
+  const RayTracer& tracer(const std::string& scene);
+  const ViewData& view(const WorkloadSpec& spec);
+  PlanData& plan(std::size_t workload);
+  std::uint64_t records_of_one_thread(PlanData& plan, std::uint64_t seed);
+  ThreadTeam& team(unsigned threads);
+
+ public:
+  ~Sweep();
+
+ private:
+  SweepRequest request_;
+  const Topology& topology_;
+  Work work_;
+  TickRate tick_rate_;
+  std::map<std::string, std::unique_ptr<SceneData>> scenes_;
+  std::map<std::string, std::unique_ptr<ViewData>> views_;
+  std::unique_ptr<PlanData> plan_;
+  std::map<unsigned, std::unique_ptr<ThreadTeam>> teams_;
+};
+
+}  // namespace icbench
