@@ -43,7 +43,7 @@ class Compare : public ::testing::Test {
 TEST_F(Compare, WritesFiguresAndMaps) {
   run({"%a.exr", "%b.exr", "--metrics", "rmse,mean_ratio,relmse,block_rmse", "--json", "%out.json", "--map",
        "%maps"});
-  const auto json = nlohmann::json::parse(read_file(folder / "out.json"));
+  const auto json = nlohmann::json::parse(load_file(folder / "out.json"));
   EXPECT_DOUBLE_EQ(json.at("rmse"), 0.25);
   EXPECT_DOUBLE_EQ(json.at("mean_ratio"), 1.5);
   EXPECT_DOUBLE_EQ(json.at("relmse"), 0.0625 / 0.26);
@@ -57,9 +57,9 @@ TEST_F(Compare, WritesFiguresAndMaps) {
 
 TEST_F(Compare, DefaultsAndOptionsBeforeTheImages) {
   run({"--json", "%out.json", "%a.exr", "%b.exr"});
-  EXPECT_TRUE(nlohmann::json::parse(read_file(folder / "out.json")).contains("relmse"));
+  EXPECT_TRUE(nlohmann::json::parse(load_file(folder / "out.json")).contains("relmse"));
   run({"--metrics", "rmse", "--json", "%out.json", "%b.exr", "%a.exr"});
-  EXPECT_FALSE(nlohmann::json::parse(read_file(folder / "out.json")).contains("relmse"));
+  EXPECT_FALSE(nlohmann::json::parse(load_file(folder / "out.json")).contains("relmse"));
 }
 
 TEST_F(Compare, ErrorsAreOneLine) {

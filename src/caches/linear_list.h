@@ -18,8 +18,8 @@ class LinearList {
   static constexpr CacheTraits kTraits{"brute_force",
                                        kStructure,
                                        "none",
-                                       Progress::wait_free,
-                                       Progress::wait_free,
+                                       ProgressGuarantee::wait_free,
+                                       ProgressGuarantee::wait_free,
                                        Consistency::linearizable,
                                        true,
                                        "linear search; the oracle"};

@@ -28,9 +28,14 @@ class LocalWrite {
   using Name = JoinedName<SharedStructure::kPrefix, kMechanism>;
 
  public:
-  static constexpr CacheTraits kTraits{
-      Name::value,         SharedStructure::kStructure, kMechanism, Progress::wait_free,
-      Progress::wait_free, Consistency::frame,          false,      "Dubla 2012, 7.2.2 (LW)"};
+  static constexpr CacheTraits kTraits{Name::value,
+                                       SharedStructure::kStructure,
+                                       kMechanism,
+                                       ProgressGuarantee::wait_free,
+                                       ProgressGuarantee::wait_free,
+                                       Consistency::frame,
+                                       false,
+                                       "Dubla 2012, 7.2.2 (LW)"};
   using Session = icbench::Session<LocalWrite, State>;
 
   explicit LocalWrite(const CacheConfig& config)

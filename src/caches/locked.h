@@ -20,9 +20,14 @@ class Locked {
   using Name = JoinedName<Structure::kPrefix, Policy::kName>;
 
  public:
-  static constexpr CacheTraits kTraits{
-      Name::value,        Structure::kStructure,     Policy::kName, Progress::blocking,
-      Progress::blocking, Consistency::linearizable, false,         Policy::kSource};
+  static constexpr CacheTraits kTraits{Name::value,
+                                       Structure::kStructure,
+                                       Policy::kName,
+                                       ProgressGuarantee::blocking,
+                                       ProgressGuarantee::blocking,
+                                       Consistency::linearizable,
+                                       false,
+                                       Policy::kSource};
   using Session = icbench::Session<Locked, State>;
 
   explicit Locked(const CacheConfig& config)

@@ -15,8 +15,8 @@ class NullCache {
   static constexpr CacheTraits kTraits{"null",
                                        "none",
                                        "none",
-                                       Progress::wait_free,
-                                       Progress::wait_free,
+                                       ProgressGuarantee::wait_free,
+                                       ProgressGuarantee::wait_free,
                                        Consistency::none,
                                        false,
                                        "floor of the harness"};

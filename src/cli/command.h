@@ -1,7 +1,7 @@
 // The subcommands of the icbench program: one file each, one entry each in main.cpp.
 //
-// add_NAME registers the subcommand; its callback does the work. A callback reports bad usage or input by throwing
-// std::runtime_error with one line (exit status 2), a failed check by CheckFailed (exit status 1).
+// add_NAME registers the subcommand; its callback does the work. A callback reports bad usage or input by
+// throwing std::runtime_error with one line (exit status 2), a failed check by CheckFailed (exit status 1).
 #pragma once
 
 #include <CLI/CLI.hpp>

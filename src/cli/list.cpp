@@ -60,12 +60,15 @@ Json workloads() {
 
 Json metrics() {
   Json out = Json::array();
-  for (const Metric& m : kMetrics) out.push_back({{"name", m.name}, {"closer", m.closer}, {"source", m.source}});
+  for (const Metric& m : kMetrics)
+    out.push_back({{"name", m.name}, {"closer", m.closer}, {"source", m.source}});
   return out;
 }
 
 std::string cell(const Json& value) {
-  return value.is_string() ? value.get<std::string>() : value.is_boolean() ? (value.get<bool>() ? "yes" : "no") : value.dump();
+  return value.is_string()    ? value.get<std::string>()
+         : value.is_boolean() ? (value.get<bool>() ? "yes" : "no")
+                              : value.dump();
 }
 
 /// Columns as wide as their widest cell, the last one ragged.
@@ -80,7 +83,8 @@ void print_table(const Json& rows) {
     widths.push_back(key == keys.back() ? 0 : width);
   }
   const auto print_line = [&](auto&& text) {
-    for (std::size_t i = 0; i < keys.size(); ++i) fmt::print("{:<{}}{}", text(keys[i]), widths[i], i + 1 == keys.size() ? "\n" : "  ");
+    for (std::size_t i = 0; i < keys.size(); ++i)
+      fmt::print("{:<{}}{}", text(keys[i]), widths[i], i + 1 == keys.size() ? "\n" : "  ");
   };
   print_line([](const std::string& key) { return key; });
   for (const Json& row : rows) print_line([&](const std::string& key) { return cell(row.at(key)); });

@@ -22,7 +22,8 @@ std::string unexpected(const CLI::App& app, const std::string& argument) {
     const std::vector<std::string_view> views(names.begin(), names.end());
     return unknown_name("option", argument.substr(0, argument.find('=')), views);
   }
-  if (at != &app) return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at->get_name());
+  if (at != &app)
+    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at->get_name());
   for (const CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(subcommand->get_name());
   }
@@ -52,7 +53,8 @@ int run(int argc, char** argv) {
     subcommand->allow_extras();
   }
   app.allow_extras();
-  // Extras are collected, not thrown, so that they can be reported with the nearest match; callbacks must not run then.
+  // Extras are collected, not thrown, so that they can be reported with the nearest match; callbacks must not
+  // run then.
   for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
     subcommand->parse_complete_callback([&app, subcommand] {
       const auto extras = subcommand->remaining();
@@ -67,7 +69,8 @@ int run(int argc, char** argv) {
       fmt::print(stderr, "{}", app.help());
       return 2;
     }
-    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return report("cannot write to standard output", 2);
+    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+      return report("cannot write to standard output", 2);
     return 0;
   } catch (const CLI::Success& e) {
     return app.exit(e);

@@ -27,7 +27,7 @@ namespace icbench {
 
 /// Progress of one operation (Herlihy & Shavit). `wait_free` operations document a step bound at their
 /// definition.
-enum class Progress : std::uint8_t { blocking, lock_free, wait_free };
+enum class ProgressGuarantee : std::uint8_t { blocking, lock_free, wait_free };
 
 /// What a query promises to see; the specification is the set of records, the value follows from it.
 /// Integrity (nothing lost, duplicated, torn, invented or resurrected) is promised by every cache on top.
@@ -44,8 +44,8 @@ struct CacheTraits {
   std::string_view name;
   std::string_view structure;  ///< rows of one structure compare mechanisms
   std::string_view mechanism;
-  Progress insert;
-  Progress query;
+  ProgressGuarantee insert;
+  ProgressGuarantee query;
   Consistency consistency;
   bool single_thread;       ///< at most one session
   std::string_view source;  ///< publication, or "this project"

@@ -60,7 +60,7 @@ fs::path temporary_beside(const fs::path& target) {
 
 }  // namespace
 
-std::string read_file(const fs::path& path) {
+std::string load_file(const fs::path& path) {
   Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) fail("read", path, errno);
   struct stat status {};

@@ -8,7 +8,7 @@
 namespace icbench {
 
 /// The bytes of a regular file. Throws std::runtime_error with one line.
-std::string read_file(const std::filesystem::path& path);
+std::string load_file(const std::filesystem::path& path);
 
 /// Puts `bytes` under `path`: a regular file (or none) is replaced by a complete one in one step, with a
 /// temporary file in the same folder; anything else, such as a device or a pipe, is written in place.

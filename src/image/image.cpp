@@ -80,7 +80,7 @@ void write_image(const std::filesystem::path& path, const Image& image, const Wr
 
 Image read_image(const std::filesystem::path& path) {
   const Format format = format_of(path);
-  const std::string bytes = read_file(path);
+  const std::string bytes = load_file(path);
   try {
     return format == Format::exr ? decode_exr(bytes) : decode_png(bytes);
   } catch (const std::runtime_error& error) {

@@ -9,40 +9,54 @@
 
 namespace icbench {
 
-constexpr std::string_view to_string(Progress progress) noexcept {
+constexpr std::string_view to_string(ProgressGuarantee progress) noexcept {
   switch (progress) {
-    case Progress::blocking: return "blocking";
-    case Progress::lock_free: return "lock_free";
-    case Progress::wait_free: return "wait_free";
+    case ProgressGuarantee::blocking:
+      return "blocking";
+    case ProgressGuarantee::lock_free:
+      return "lock_free";
+    case ProgressGuarantee::wait_free:
+      return "wait_free";
   }
   return "unknown";
 }
 
 constexpr std::string_view to_string(Consistency consistency) noexcept {
   switch (consistency) {
-    case Consistency::none: return "none";
-    case Consistency::frame: return "frame";
-    case Consistency::regular: return "regular";
-    case Consistency::per_record_linearizable: return "per_record_linearizable";
-    case Consistency::linearizable: return "linearizable";
+    case Consistency::none:
+      return "none";
+    case Consistency::frame:
+      return "frame";
+    case Consistency::regular:
+      return "regular";
+    case Consistency::per_record_linearizable:
+      return "per_record_linearizable";
+    case Consistency::linearizable:
+      return "linearizable";
   }
   return "unknown";
 }
 
 constexpr std::string_view to_string(PointOrder order) noexcept {
   switch (order) {
-    case PointOrder::uniform: return "uniform";
-    case PointOrder::hot_spot: return "hot_spot";
-    case PointOrder::coherent: return "coherent";
+    case PointOrder::uniform:
+      return "uniform";
+    case PointOrder::hot_spot:
+      return "hot_spot";
+    case PointOrder::coherent:
+      return "coherent";
   }
   return "unknown";
 }
 
 constexpr std::string_view to_string(TileOrder order) noexcept {
   switch (order) {
-    case TileOrder::scanline: return "scanline";
-    case TileOrder::morton: return "morton";
-    case TileOrder::random: return "random";
+    case TileOrder::scanline:
+      return "scanline";
+    case TileOrder::morton:
+      return "morton";
+    case TileOrder::random:
+      return "random";
   }
   return "unknown";
 }

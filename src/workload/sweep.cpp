@@ -19,7 +19,8 @@ std::uint64_t seed_of(const SweepRequest& request, unsigned repetition) {
   return hash_keys(request.seed, repetition, 8);
 }
 
-void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h, const TickRate& rate) {
+void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
+                 const TickRate& rate) {
   if (h.count() == 0) return;
   const auto put = [&](std::string_view what, std::uint64_t value) {
     out[fmt::format("latency_{}_{}_ns", operation, what)] = std::round(rate.to_ns(value) * 10.0) / 10.0;
@@ -54,7 +55,10 @@ struct Sweep::PlanData {
 Sweep::~Sweep() = default;
 
 Sweep::Sweep(SweepRequest request, const Topology& topology)
-    : request_(std::move(request)), topology_(topology), work_(Work::calibrate()), tick_rate_(calibrate_ticks()) {
+    : request_(std::move(request)),
+      topology_(topology),
+      work_(Work::calibrate()),
+      tick_rate_(calibrate_ticks()) {
   std::size_t points_in_all = 0;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
   if (points_in_all == 0) {
@@ -80,7 +84,8 @@ std::vector<SweepPoint> Sweep::points(std::size_t workload, unsigned repetition)
 }
 
 std::string Sweep::name_of(const SweepPoint& p) const {
-  return fmt::format("sweep/{}/{}/threads:{}", request_.workloads[p.workload].name, p.cache_name(), p.threads);
+  return fmt::format("sweep/{}/{}/threads:{}", request_.workloads[p.workload].name, p.cache_name(),
+                     p.threads);
 }
 
 const RayTracer& Sweep::tracer(const std::string& scene) {
@@ -95,7 +100,8 @@ const Sweep::ViewData& Sweep::view(const WorkloadSpec& spec) {
     const RayTracer& rays = tracer(spec.scene);
     slot = std::make_unique<ViewData>();
     slot->primary = centre_hits(rays, static_cast<int>(spec.width), static_cast<int>(spec.height));
-    slot->reference = make_reference(rays, slot->primary, request_.reference_spp, hash_keys(request_.seed, 9));
+    slot->reference =
+        make_reference(rays, slot->primary, request_.reference_spp, hash_keys(request_.seed, 9));
   }
   return *slot;
 }
@@ -109,7 +115,8 @@ Sweep::PlanData& Sweep::plan(std::size_t workload) {
   const RayTracer& rays = tracer(spec.scene);
   if (spec.kind == WorkloadKind::ray_traced) {
     const ViewData& data = view(spec);
-    made->ray_traced = std::make_unique<RayTracedPlan>(spec, rays, data.primary, data.reference, request_.seed);
+    made->ray_traced =
+        std::make_unique<RayTracedPlan>(spec, rays, data.primary, data.reference, request_.seed);
   } else {
     made->synthetic = std::make_unique<SyntheticPlan>(spec, rays, request_.seed);
   }
@@ -140,7 +147,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
                          : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
                                                 : point.cache->synthetic(*data.synthetic, setup);
   if (!o.error.empty()) {
-    throw std::runtime_error(fmt::format("invalid trial {} (repetition {}): {}", name_of(point), repetition, o.error));
+    throw InvalidTrial(fmt::format("{} (repetition {}): {}", name_of(point), repetition, o.error));
   }
 
   Entry entry;
@@ -172,8 +179,12 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
     c["hits"] = o.counts.hits;
     c["inserts"] = o.counts.inserted;
     c["records"] = o.records;
-    c["records_read_per_query"] = o.counts.queries == 0 ? 0.0 : static_cast<double>(o.counts.records_read) / static_cast<double>(o.counts.queries);
-    c["records_valid_per_query"] = o.counts.queries == 0 ? 0.0 : static_cast<double>(o.counts.records_valid) / static_cast<double>(o.counts.queries);
+    c["records_read_per_query"] = o.counts.queries == 0 ? 0.0
+                                                        : static_cast<double>(o.counts.records_read) /
+                                                              static_cast<double>(o.counts.queries);
+    c["records_valid_per_query"] = o.counts.queries == 0 ? 0.0
+                                                         : static_cast<double>(o.counts.records_valid) /
+                                                               static_cast<double>(o.counts.queries);
     c["lock_wait_share"] = static_cast<double>(o.counts.lock_wait_ns) / (o.wall_ns * point.threads);
     c["lock_acquisitions"] = o.counts.lock_acquisitions;
     c["lock_contended"] = o.counts.lock_contended;

@@ -1,12 +1,14 @@
-// A sweep: workloads x caches x thread counts x repetitions, each a validated trial that becomes one row of results.
+// A sweep: workloads x caches x thread counts x repetitions, each a validated trial that becomes one row of
+// results.
 //
-// Within a workload and repetition all caches and thread counts run in random order, so that slow drift of the machine
-// falls on all of them alike; rows of one repetition are paired.
+// Within a workload and repetition all caches and thread counts run in random order, so that slow drift of
+// the machine falls on all of them alike; rows of one repetition are paired.
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -28,9 +30,14 @@ struct SweepRequest {
   std::uint32_t reference_spp = 1024;  ///< samples per pixel of the ray-traced workloads' reference
 };
 
+/// A trial that broke the cache's contract: the cache is at fault, not the user.
+struct InvalidTrial : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// One point of a sweep.
 struct SweepPoint {
-  std::size_t workload;   ///< index into the request
+  std::size_t workload;     ///< index into the request
   const CacheEntry* cache;  ///< null for a workload that uses none
   unsigned threads;
 
@@ -46,13 +53,14 @@ class Sweep {
   const Work& work() const noexcept { return work_; }
   const TickRate& tick_rate() const noexcept { return tick_rate_; }
 
-  /// The points of a workload, in the random order of a repetition. Caches for a single thread appear with one only.
+  /// The points of a workload, in the random order of a repetition. Caches for a single thread appear with
+  /// one only.
   std::vector<SweepPoint> points(std::size_t workload, unsigned repetition) const;
 
   /// Name of a point in the results: "sweep/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SweepPoint& point) const;
 
-  /// Runs one repetition of one point. Throws std::runtime_error with one line if the trial was not valid.
+  /// Runs one repetition of one point. Throws InvalidTrial with one line if the trial was not valid.
   Entry run(const SweepPoint& point, unsigned repetition);
 
  private:

@@ -1,0 +1,205 @@
+// icbench sweep: workloads x caches x threads, into a results file.
+#include "workload/sweep.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <chrono>
+#include <memory>
+
+#include "cli/command.h"
+#include "cli/options.h"
+#include "harness/environment.h"
+#include "harness/progress.h"
+
+namespace icbench {
+namespace {
+
+struct SweepOptions {
+  std::string caches = "all", workloads = "read_only,miss_driven", threads, placement = "compact",
+              out = "results.json";
+  unsigned repetitions = 7;
+  std::uint64_t seed = 1;
+  std::uint32_t latency_every = 16;
+  std::uint32_t reference_spp = 1024;
+  bool resume = false, dry_run = false;
+};
+
+/// Powers of two up to the processing units, these, and four times as many.
+std::vector<unsigned> default_threads(const Topology& topology) {
+  const auto units = static_cast<unsigned>(topology.units().size());
+  std::vector<unsigned> out;
+  for (unsigned n = 1; n < units; n *= 2) out.push_back(n);
+  out.push_back(units);
+  out.push_back(std::min(4 * units, kMaxThreads));
+  return out;
+}
+
+/// All but the oracle, which is a hundred times slower than anything of use.
+std::vector<std::string> default_caches() {
+  std::vector<std::string> out;
+  for (const CacheEntry& e : all_caches()) {
+    if (e.traits.name != "brute_force") out.emplace_back(e.traits.name);
+  }
+  return out;
+}
+
+SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
+  SweepRequest request;
+  for (const std::string& text : split_list("--workloads", o.workloads)) {
+    request.workloads.push_back(parse_workload(text));
+  }
+  request.caches = o.caches == "all" ? default_caches() : split_list("--caches", o.caches);
+  for (const std::string& name : request.caches) find_cache(name);
+  request.threads = o.threads.empty() ? default_threads(topology) : parse_threads(o.threads);
+  request.placement = parse_placement(o.placement);
+  request.repetitions = o.repetitions;
+  request.seed = o.seed;
+  request.latency_every = o.latency_every;
+  request.reference_spp = o.reference_spp;
+  require_distinct("--caches", request.caches);
+  std::vector<std::string> names;
+  for (const WorkloadSpec& w : request.workloads) names.push_back(w.name);
+  require_distinct("--workloads", names);
+  return request;
+}
+
+/// Everything that must be equal for rows to belong into one file.
+nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::ordered_json& environment) {
+  std::vector<std::string> workloads;
+  for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
+  return {{"command", "sweep"},
+          {"workloads", workloads},
+          {"caches", r.caches},
+          {"threads", r.threads},
+          {"placement", to_string(r.placement)},
+          {"repetitions", r.repetitions},
+          {"seed", r.seed},
+          {"latency_every", r.latency_every},
+          {"reference_spp", r.reference_spp},
+          {"environment", environment_identity(environment)}};
+}
+
+/// Measures one trial of each workload and tells what the whole sweep would take.
+void estimate(Sweep& sweep, const Topology& topology) {
+  const SweepRequest& r = sweep.request();
+  using Clock = std::chrono::steady_clock;
+  const auto seconds_since = [](Clock::time_point t) {
+    return std::chrono::duration<double>(Clock::now() - t).count();
+  };
+  double total = 0.0;
+  std::size_t trials = 0;
+  for (std::size_t w = 0; w < r.workloads.size(); ++w) {
+    const std::vector<SweepPoint> points = sweep.points(w, 0);
+    if (points.empty()) continue;
+    const auto start = Clock::now();
+    sweep.run(points.front(), 0);  // prepares the workload
+    const double preparation = seconds_since(start);
+    const auto again = Clock::now();
+    sweep.run(points.front(), 0);
+    // A trial's time goes down with the processors its threads keep busy.
+    const auto speed = [&](unsigned threads) {
+      return static_cast<double>(std::min<std::size_t>(threads, topology.units().size()));
+    };
+    const double one = seconds_since(again) * speed(points.front().threads);
+    double workload = preparation;
+    for (const SweepPoint& p : points) workload += r.repetitions * one / speed(p.threads);
+    total += workload;
+    trials += points.size() * r.repetitions;
+    fmt::print("{:<44} {:>6} trials  {:>9}\n", r.workloads[w].name, points.size() * r.repetitions,
+               format_duration(workload));
+  }
+  fmt::print("{:<44} {:>6} trials  {:>9}  (from one trial of each workload; slower caches take longer)\n",
+             "in all", trials, format_duration(total));
+}
+
+void sweep_command(const SweepOptions& o) {
+  const Topology topology = Topology::of_this_process();
+  const SweepRequest request = request_of(o, topology);
+  RunInfo info;
+  info.command_line = command_line();
+  info.seed = o.seed;
+  info.placement = request.placement;
+  info.thread_counts = request.threads;
+  nlohmann::ordered_json context = environment(topology, info);
+  const nlohmann::ordered_json configuration = configuration_of(request, context);
+
+  std::unique_ptr<ResultsWriter> results;
+  if (!o.dry_run) {
+    // Opened before anything is computed, so that a bad path or another configuration is told at once.
+    ResultsWriter(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
+  }
+  Sweep sweep(request, topology);
+  if (o.dry_run) return estimate(sweep, topology);
+  context["work_calibration"] = sweep.work().calibration().to_json();
+  context["tick_rate"] = sweep.tick_rate().to_json();
+  results = std::make_unique<ResultsWriter>(o.out, context, configuration,
+                                            o.resume ? OnExisting::resume : OnExisting::replace);
+
+  std::size_t trials = 0;
+  for (std::size_t w = 0; w < request.workloads.size(); ++w)
+    trials += sweep.points(w, 0).size() * request.repetitions;
+  Progress progress("sweep", static_cast<double>(trials));
+  std::vector<std::string> invalid;
+  for (std::size_t w = 0; w < request.workloads.size(); ++w) {
+    bool warm = false;
+    for (unsigned repetition = 0; repetition < request.repetitions; ++repetition) {
+      for (const SweepPoint& point : sweep.points(w, repetition)) {
+        const std::string name = sweep.name_of(point);
+        if (results->is_completed(name, repetition)) {
+          progress.skip(1);
+          continue;
+        }
+        try {
+          if (!std::exchange(warm, true))
+            sweep.run(point, repetition);  // the first trial of a workload runs cold
+          results->add(sweep.run(point, repetition));
+        } catch (const InvalidTrial& e) {
+          invalid.push_back(e.what());
+        }
+        progress.advance(1, name);
+      }
+    }
+  }
+  if (!invalid.empty()) {
+    throw CheckFailed(
+        fmt::format("{} of {} trials were invalid and have no row, so '{}' stays incomplete; the first: {}",
+                    invalid.size(), trials, o.out, invalid.front()));
+  }
+  results->finish();
+  progress.finish();
+}
+
+}  // namespace
+
+void add_sweep(CLI::App& app) {
+  const auto o = std::make_shared<SweepOptions>();
+  CLI::App* sweep = app.add_subcommand("sweep", "Measure workloads x caches x threads into a results file");
+  sweep
+      ->add_option("--caches", o->caches,
+                   "Caches, separated by commas, or all (all but the oracle); see icbench list caches")
+      ->capture_default_str();
+  sweep
+      ->add_option("--workloads", o->workloads,
+                   "Workloads, separated by commas, e.g. miss_driven:cost=10; see icbench list workloads")
+      ->capture_default_str();
+  sweep->add_option("--threads", o->threads,
+                    "Thread counts, separated by commas (default: powers of two up to the processing units, "
+                    "and four times these)");
+  sweep->add_option("--placement", o->placement, "compact | scatter | none")->capture_default_str();
+  sweep->add_option("--repetitions", o->repetitions, "Repetitions of every point")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  sweep->add_option("--seed", o->seed, "Seed of points, operations and images")->capture_default_str();
+  sweep->add_option("--latency-every", o->latency_every, "Time one operation in so many; 1 all, 0 none")
+      ->capture_default_str();
+  sweep->add_option("--reference-spp", o->reference_spp, "Samples per pixel of the path-traced reference")
+      ->check(CLI::Range(2, 1 << 24))
+      ->capture_default_str();
+  sweep->add_option("--out", o->out, "Results file (JSON)")->capture_default_str();
+  sweep->add_flag("--resume", o->resume, "Go on with an interrupted sweep");
+  sweep->add_flag("--dry-run", o->dry_run, "Estimate the time and measure nothing");
+  sweep->callback([o] { sweep_command(*o); });
+}
+
+}  // namespace icbench
