@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/interpolation.h"
 #include "render/gather.h"
 #include "render/path.h"
 #include "render_support.h"
