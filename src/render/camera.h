@@ -20,7 +20,8 @@ class CameraView {
     const float pixel = 2.0f * std::tan(0.5f * camera.fov_y) / static_cast<float>(height);
     across_ = pixel * right;
     down_ = -pixel * up;
-    corner_ = forward - 0.5f * static_cast<float>(width) * across_ - 0.5f * static_cast<float>(height) * down_;
+    corner_ =
+        forward - 0.5f * static_cast<float>(width) * across_ - 0.5f * static_cast<float>(height) * down_;
   }
 
   /// Ray through a point of the image plane, in pixels from the top left corner; unit direction.

@@ -1,6 +1,6 @@
-// The one place that tells Embree 3 from Embree 4: version 3 passes a context to every query, version 4 optional
-// arguments. All queries use the incoherent traversal, the default of both: on secondary rays it is three times as
-// fast as the coherent one (rtcOccluded16, 70,000 triangles).
+// The one place that tells Embree 3 from Embree 4: version 3 passes a context to every query, version 4
+// optional arguments. All queries use the incoherent traversal, the default of both: on secondary rays it is
+// three times as fast as the coherent one (rtcOccluded16, 70,000 triangles).
 #pragma once
 
 #if __has_include(<embree4/rtcore.h>)
@@ -15,8 +15,12 @@ namespace icbench::embree {
 struct Query {};
 inline void intersect1(RTCScene s, RTCRayHit& r, Query&) noexcept { rtcIntersect1(s, &r); }
 inline void occluded1(RTCScene s, RTCRay& r, Query&) noexcept { rtcOccluded1(s, &r); }
-inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query&) noexcept { rtcIntersect16(valid, s, &r); }
-inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query&) noexcept { rtcOccluded16(valid, s, &r); }
+inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query&) noexcept {
+  rtcIntersect16(valid, s, &r);
+}
+inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query&) noexcept {
+  rtcOccluded16(valid, s, &r);
+}
 #else
 struct Query {
   RTCIntersectContext context;

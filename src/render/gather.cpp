@@ -6,6 +6,8 @@
 #include <glm/vec2.hpp>
 #include <limits>
 #include <numbers>
+#include <span>
+#include <type_traits>
 #include <utility>
 
 #include "core/random.h"
@@ -15,33 +17,48 @@
 namespace icbench {
 namespace {
 
-constexpr std::uint32_t kWave = 64;  // paths that advance together; their state fills half of a 32 KiB L1 cache
+constexpr std::uint32_t kWave =
+    128;  // paths that advance together: full packets, and their state still fits a 32 KiB L1 cache
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+// Room for N values that are written before they are read, without the cost of initialising those not used: a
+// gather may be of four rays only. The element types are trivially copyable, so that storage brings them to
+// life.
+template <class T, std::size_t N>
+class Room {
+ public:
+  static_assert(std::is_trivially_copyable_v<T>, "values come to life by assignment");
+  T& operator[](std::size_t i) noexcept { return reinterpret_cast<T*>(bytes_)[i]; }
+  std::span<T> first(std::size_t n) noexcept { return {reinterpret_cast<T*>(bytes_), n}; }
+
+ private:
+  alignas(T) std::byte bytes_[N * sizeof(T)];
+};
 
 // A path on its way along a ray.
 struct Path {
-  Pcg32 random{0};
+  Pcg32 random;
   glm::vec3 weight;  // of the irradiance where the ray started, in the irradiance asked for
   float q;           // probability with which the ray was traced
   float p_b;         // density of its direction
 };
 
-// Up to kWave paths, one bounce at a time. Arrays are compacted in place: the paths that go on move to the front.
+// Up to kWave paths, one bounce at a time. Arrays are compacted in place: the paths that go on move to the
+// front.
 template <class T>
 class Wave {
  public:
   explicit Wave(T& tracer) noexcept : tracer_(tracer), shared_(tracer.shared()) {}
 
-  void start(const Hit& x, const glm::vec3& from, const Basis& basis, const glm::vec2& low, const glm::vec2& cell,
-             std::uint64_t key) noexcept {
-    Path& path = paths_[active_];
-    path.random = Pcg32(key);
-    const float u_elevation = low.x + cell.x * path.random.uniform();
-    const float u_azimuth = low.y + cell.y * path.random.uniform();
+  void start(const Hit& x, const glm::vec3& from, const Basis& basis, const glm::vec2& low,
+             const glm::vec2& cell, std::uint64_t key) noexcept {
+    Pcg32 random(key);
+    const float u_elevation = low.x + cell.x * random.uniform();
+    const float u_azimuth = low.y + cell.y * random.uniform();
     const glm::vec3 d = cosine_direction(basis, u_elevation, u_azimuth);
-    if (!(glm::dot(d, x.ng) > 0.0f)) return;  // into the surface, past a tilted shading normal: nothing arrives
-    path.weight = glm::vec3(1.0f);
-    path.q = 1.0f;
+    if (!(glm::dot(d, x.ng) > 0.0f))
+      return;  // into the surface, past a tilted shading normal: nothing arrives
+    paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f};
     rays_[active_++] = {from, kInfinity, d};
   }
 
@@ -64,7 +81,7 @@ class Wave {
   std::uint32_t seen = 0;          // first rays
 
  private:
-  void trace() noexcept { tracer_.intersect({rays_, active_}, {hits_, active_}); }
+  void trace() noexcept { tracer_.intersect(rays_.first(active_), hits_.first(active_)); }
 
   void shade(bool count_emission) noexcept {
     std::uint32_t lit = 0, onward = 0;
@@ -93,7 +110,7 @@ class Wave {
       paths_[onward] = path;
       rays_[onward++] = {shared_.leave(hit.p, hit.ng), kInfinity, d};
     }
-    tracer_.occluded({shadows_, lit}, {dark_, lit});
+    tracer_.occluded(shadows_.first(lit), dark_.first(lit));
     for (std::uint32_t i = 0; i < lit; ++i)
       if (!dark_[i]) E += light_[i];
     active_ = onward;
@@ -102,12 +119,12 @@ class Wave {
   T& tracer_;
   const RayTracer& shared_;
   std::uint32_t active_ = 0;
-  Path paths_[kWave];
-  Ray rays_[kWave];
-  Hit hits_[kWave];
-  Ray shadows_[kWave];
-  glm::vec3 light_[kWave];
-  bool dark_[kWave];
+  Room<Path, kWave> paths_;
+  Room<Ray, kWave> rays_;
+  Room<Hit, kWave> hits_;
+  Room<Ray, kWave> shadows_;
+  Room<glm::vec3, kWave> light_;
+  Room<bool, kWave> dark_;
 };
 
 }  // namespace
@@ -136,7 +153,8 @@ GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t
   const std::uint64_t rays_before = tracer.counts.total();
   const glm::vec3 from = tracer.shared().leave(x.p, x.ng);
   const Basis basis(x.n);
-  const glm::vec2 cell(1.0f / static_cast<float>(strata.elevations), 1.0f / static_cast<float>(strata.azimuths));
+  const glm::vec2 cell(1.0f / static_cast<float>(strata.elevations),
+                       1.0f / static_cast<float>(strata.azimuths));
   Wave wave(tracer);
   for (std::uint32_t m = 0; m < strata.elevations; ++m)
     for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
@@ -152,8 +170,8 @@ GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t
 template GatherResult gather(Tracer&, const Hit&, const Strata&, std::uint64_t) noexcept;
 template GatherResult gather(RecordingTracer&, const Hit&, const Strata&, std::uint64_t) noexcept;
 
-std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const Hit> points, const Strata& strata,
-                                          std::uint64_t key) {
+std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const Hit> points,
+                                          const Strata& strata, std::uint64_t key) {
   RecordingTracer tracer(rays);
   for (std::size_t i = 0; i < points.size(); ++i) gather(tracer, points[i], strata, hash_keys(key, i));
   return std::move(tracer.log);
@@ -162,7 +180,8 @@ std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const
 std::uint64_t gather_all(Tracer& tracer, std::span<const Hit> points, const Strata& strata,
                          std::uint64_t key) noexcept {
   std::uint64_t rays = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) rays += gather(tracer, points[i], strata, hash_keys(key, i)).rays;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    rays += gather(tracer, points[i], strata, hash_keys(key, i)).rays;
   return rays;
 }
 

@@ -1,12 +1,13 @@
 // Hemisphere gather: the irradiance that reaches a point by way of other surfaces, and how far those are.
 //
-// Rays leave the point in stratified cosine-weighted directions (Ward & Heckbert 1992: M elevations x N azimuths, N
-// about pi M). Each hit is lit by next-event estimation, and the path goes on under Russian roulette without a bounce
-// limit, so that the mean is the exact indirect irradiance. Light that a gather ray meets on a lamp directly is direct
-// light and not counted.
+// Rays leave the point in stratified cosine-weighted directions (Ward & Heckbert 1992: M elevations x N
+// azimuths, N about pi M). Each hit is lit by next-event estimation, and the path goes on under Russian
+// roulette without a bounce limit, so that the mean is the exact indirect irradiance. Light that a gather ray
+// meets on a lamp directly is direct light and not counted.
 //
-// Cost: about 2 (1 + albedo + albedo^2 + ...) rays per stratum. Paths advance together, one bounce at a time, so that
-// shadow rays are traced in packets of 16; everything lives on the stack. Random numbers depend on the key alone.
+// Cost: about 2 (1 + albedo + albedo^2 + ...) rays per stratum. Paths advance together, one bounce at a time,
+// so that shadow rays are traced in packets of 16; everything lives on the stack. Random numbers depend on
+// the key alone.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +24,8 @@ struct Strata {
   std::uint32_t elevations;  ///< M
   std::uint32_t azimuths;    ///< N
 
-  /// M N as close to `rays` as M within 30 % of sqrt(rays / pi) allows: exact for 4, 16, 64, 256, 1024. At least 1.
+  /// M N as close to `rays` as M within 30 % of sqrt(rays / pi) allows: exact for 4, 16, 64, 256, 1024. At
+  /// least 1.
   static Strata for_rays(std::uint32_t rays) noexcept;
 
   std::uint32_t count() const noexcept { return elevations * azimuths; }
@@ -56,12 +58,13 @@ class RecordingTracer : public Tracer {
   std::vector<TracedRay> log;
 };
 
-/// The rays that gather() traces at these points, to be replayed by RayTracer::bare_trace: how fast the same rays
-/// go without any of the work around them. The i-th point's key is hash_keys(key, i).
-std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const Hit> points, const Strata& strata,
-                                          std::uint64_t key);
+/// The rays that gather() traces at these points, to be replayed by RayTracer::bare_trace: how fast the same
+/// rays go without any of the work around them. The i-th point's key is hash_keys(key, i).
+std::vector<TracedRay> record_gather_rays(const RayTracer& rays, std::span<const Hit> points,
+                                          const Strata& strata, std::uint64_t key);
 
 /// The counterpart to time: the same gathers, unrecorded. Returns the rays traced.
-std::uint64_t gather_all(Tracer& tracer, std::span<const Hit> points, const Strata& strata, std::uint64_t key) noexcept;
+std::uint64_t gather_all(Tracer& tracer, std::span<const Hit> points, const Strata& strata,
+                         std::uint64_t key) noexcept;
 
 }  // namespace icbench

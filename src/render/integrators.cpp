@@ -12,7 +12,8 @@
 namespace icbench {
 namespace {
 
-void picture_tile(Tracer& tracer, const PictureJob& job, Light light, const Tile& tile, Image& picture) noexcept {
+void picture_tile(Tracer& tracer, const PictureJob& job, Light light, const Tile& tile,
+                  Image& picture) noexcept {
   const RayTracer& rays = tracer.shared();
   for (int y = tile.y0; y < tile.y1; ++y)
     for (int x = tile.x0; x < tile.x1; ++x) {

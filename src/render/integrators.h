@@ -1,7 +1,7 @@
 // The integrators: one entry each, and whole pictures by those that need no cache.
 //
-// Rendering functions work on one tile in the calling thread; threads, their placement and the order of tiles are
-// the caller's. Tiles write disjoint pixels.
+// Rendering functions work on one tile in the calling thread; threads, their placement and the order of tiles
+// are the caller's. Tiles write disjoint pixels.
 #pragma once
 
 #include <array>
@@ -20,10 +20,11 @@ namespace icbench {
 struct PictureJob {
   CameraView view;
   std::uint32_t spp = 1;  ///< jittered samples per pixel, >= 1
-  SampleKey key;          ///< of the first sample
+  SampleKey key{};        ///< of the first sample
 };
 
-using PictureTile = void (*)(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept;
+using PictureTile = void (*)(Tracer& tracer, const PictureJob& job, const Tile& tile,
+                             Image& picture) noexcept;
 
 /// Radiance with all light: the reference.
 void path_tile(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept;
@@ -40,7 +41,8 @@ struct IntegratorEntry {
 
 inline constexpr std::array kIntegrators{
     IntegratorEntry{"whitted", "direct light only, by ray tracing", false, whitted_tile},
-    IntegratorEntry{"path", "path tracing with next-event estimation: the unbiased reference", false, path_tile},
+    IntegratorEntry{"path", "path tracing with next-event estimation: the unbiased reference", false,
+                    path_tile},
     IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", true, nullptr},
 };
 

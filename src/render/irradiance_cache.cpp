@@ -6,9 +6,15 @@ namespace icbench {
 
 void CacheUse::count(InsertResult result) noexcept {
   switch (result) {
-    case InsertResult::inserted: ++inserts; break;
-    case InsertResult::full: ++full; break;
-    case InsertResult::rejected: ++rejected; break;
+    case InsertResult::inserted:
+      ++inserts;
+      break;
+    case InsertResult::full:
+      ++full;
+      break;
+    case InsertResult::rejected:
+      ++rejected;
+      break;
   }
 }
 

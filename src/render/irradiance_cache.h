@@ -1,8 +1,8 @@
 // The cached integrator: for every stored primary hit ask the cache, on a miss gather and insert.
 //
-// Templated on the cache's session so that dispatch happens once per pass, never per operation; all else is compiled
-// once, in irradiance_cache.cpp. Random numbers of a gather depend on seed, frame, sample and pixel; which pixels
-// gather depends on what the cache holds when they ask, hence on the schedule.
+// Templated on the cache's session so that dispatch happens once per pass, never per operation; all else is
+// compiled once, in irradiance_cache.cpp. Random numbers of a gather depend on seed, frame, sample and pixel;
+// which pixels gather depends on what the cache holds when they ask, hence on the schedule.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,8 @@ namespace icbench {
 
 struct IrradianceCacheParams {
   Strata strata = Strata::for_rays(256);  ///< gather rays per record
-  RadiusLimits limits;                    ///< of new records, metres
-  SampleKey key;
+  RadiusLimits limits{};                  ///< of new records, metres; to be set (RadiusLimits::for_scene)
+  SampleKey key{};
 };
 
 /// What a thread did to the cache.
@@ -37,16 +37,16 @@ struct CacheUse {
   CacheUse& operator+=(const CacheUse& o) noexcept;
 };
 
-/// Gathers the record of a pixel: radius clamped, id = sample * pixels of the image + pixel, modulo 2^32, unique within
-/// a frame.
+/// Gathers the record of a pixel: radius clamped, id = sample * pixels of the image + pixel, modulo 2^32,
+/// unique within a frame.
 Record gather_record(Tracer& tracer, const Hit& hit, const IrradianceCacheParams& params, std::uint32_t pixel,
                      std::uint32_t pixels) noexcept;
 
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
 
-/// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and ask nothing.
-/// Rays are counted in `tracer`.
+/// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and
+/// ask nothing. Rays are counted in `tracer`.
 template <class Session>
 void irradiance_cache_tile(Session& session, Tracer& tracer, const PrimaryHits& primary,
                            const IrradianceCacheParams& params, const Tile& tile, Image& indirect,

@@ -17,7 +17,8 @@ glm::vec3 reflected(Tracer& tracer, const Hit& x, Light light, std::uint32_t pix
     Pcg32 random(key.next_sample(s).of_pixel(pixel, purpose));
     sum += sample_irradiance(tracer, x, light, random);
   }
-  return tracer.shared().material(x).albedo * std::numbers::inv_pi_v<float> * glm::vec3(sum / static_cast<double>(spp));
+  return tracer.shared().material(x).albedo * std::numbers::inv_pi_v<float> *
+         glm::vec3(sum / static_cast<double>(spp));
 }
 
 }  // namespace
@@ -37,7 +38,8 @@ Irradiance sample_irradiance(Tracer& tracer, const Hit& x, Light light, Pcg32& r
     const glm::vec3 d = cosine_direction(Basis(at.n), u_elevation, u_azimuth);
     if (!(glm::dot(d, at.ng) > 0.0f)) return E;  // into the surface, past a tilted shading normal
     const float p_b = glm::dot(d, at.n) * std::numbers::inv_pi_v<float>;
-    const Hit next = tracer.intersect(Ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d});
+    const Hit next =
+        tracer.intersect(Ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d});
     if (next.missed()) return E;
     const Material& material = rays.material(next);
     if (count_light && next.front && material.emits())
@@ -61,8 +63,8 @@ void path_indirect_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_
   });
 }
 
-void direct_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key, const Tile& tile,
-                 Image& direct) noexcept {
+void direct_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key,
+                 const Tile& tile, Image& direct) noexcept {
   for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
     const Hit& hit = primary.hits[pixel];
     direct.pixels[pixel] = tracer.shared().emitted(hit);

@@ -1,7 +1,8 @@
-// The reference: unbiased path tracing with next-event estimation, multiple importance sampling and Russian roulette.
+// The reference: unbiased path tracing with next-event estimation, multiple importance sampling and Russian
+// roulette.
 //
-// No bounce limit and no clamping. Written one ray after the other, apart from the gather's code, which is tested
-// against it. Random numbers depend on pixel, sample and frame alone.
+// No bounce limit and no clamping. Written one ray after the other, apart from the gather's code, which is
+// tested against it. Random numbers depend on pixel, sample and frame alone.
 #pragma once
 
 #include <cstdint>
@@ -27,13 +28,13 @@ enum class Light : std::uint8_t {
 /// One sample of the irradiance at x, W/m^2. Traces about 2 (1 + albedo + albedo^2 + ...) rays.
 Irradiance sample_irradiance(Tracer& tracer, const Hit& x, Light light, Pcg32& random) noexcept;
 
-/// Indirect radiance, W/(m^2 sr), reflected at stored hits: the mean of `spp` samples per pixel. Pixels that reflect
-/// nothing are 0. This is what a cached pass over the same hits is compared with.
+/// Indirect radiance, W/(m^2 sr), reflected at stored hits: the mean of `spp` samples per pixel. Pixels that
+/// reflect nothing are 0. This is what a cached pass over the same hits is compared with.
 void path_indirect_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key,
                         const Tile& tile, Image& indirect) noexcept;
 
 /// Emitted and directly reflected radiance at stored hits, from `spp` samples of the lights per pixel.
-void direct_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key, const Tile& tile,
-                 Image& direct) noexcept;
+void direct_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key,
+                 const Tile& tile, Image& direct) noexcept;
 
 }  // namespace icbench

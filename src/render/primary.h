@@ -23,7 +23,8 @@ struct PrimaryHits {
   std::vector<Hit> hits;  ///< row-major, top row first; missed() where nothing was hit
 
   PrimaryHits() = default;
-  PrimaryHits(int w, int h) : width(w), height(h), hits(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  PrimaryHits(int w, int h)
+      : width(w), height(h), hits(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
 };
 
 /// Calls f(pixel index) for every pixel of a tile, row by row.

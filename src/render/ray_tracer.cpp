@@ -45,11 +45,13 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr std::size_t kPacket = 16;
+constexpr std::size_t kFew = 5;  // fewer rays than this go faster one by one than in a packet
 
 template <class T>
 void copy_to_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, const std::vector<T>& from) {
   void* to = rtcSetNewGeometryBuffer(geometry, type, 0, format, sizeof(T), from.size());
-  if (!to) throw std::runtime_error(fmt::format("Embree has no memory for {} vertices or triangles", from.size()));
+  if (!to)
+    throw std::runtime_error(fmt::format("Embree has no memory for {} vertices or triangles", from.size()));
   std::copy(from.begin(), from.end(), static_cast<T*>(to));
 }
 
@@ -83,6 +85,12 @@ void set_ray(RTCRay16& to, std::size_t i, const Ray& ray) noexcept {
   to.flags[i] = 0;
 }
 
+void set_missed(Hit& hit) noexcept {
+  hit.t = kInfinity;
+  hit.material = kMiss;
+  hit.front = false;
+}
+
 }  // namespace
 
 RayTracer::RayTracer(Scene scene) : scene_(std::move(scene)) {
@@ -110,8 +118,8 @@ RayTracer::RayTracer(Scene scene) : scene_(std::move(scene)) {
 
 RayTracer::~RayTracer() = default;
 
-void RayTracer::fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v, const glm::vec3& d,
-                     float t) const noexcept {
+void RayTracer::fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v,
+                     const glm::vec3& d, float t) const noexcept {
   const MeshView& m = meshes_[mesh];
   const glm::uvec3 i = m.triangles[triangle];
   const glm::vec3 p0 = m.positions[i.x], e1 = m.positions[i.y] - p0, e2 = m.positions[i.z] - p0;
@@ -133,19 +141,45 @@ void RayTracer::fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float
 }
 
 void RayTracer::intersect(std::span<const Ray> rays, std::span<Hit> out) const noexcept {
+  for (std::size_t first = 0; first < rays.size(); first += kPacket) {
+    const std::size_t count = std::min(kPacket, rays.size() - first);
+    if (count < kFew)
+      intersect_singly(rays.subspan(first), out.subspan(first));
+    else
+      intersect_packet(rays.subspan(first, count), out.subspan(first, count));
+  }
+}
+
+void RayTracer::intersect_singly(std::span<const Ray> rays, std::span<Hit> out) const noexcept {
   embree::Query query;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     RTCRayHit r;
     set_ray(r.ray, rays[i]);
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     embree::intersect1(embree_->scene, r, query);
-    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID) {
-      out[i].t = kInfinity;
-      out[i].material = kMiss;
-      out[i].front = false;
-    } else {
+    if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
+      set_missed(out[i]);
+    else
       fill(out[i], r.hit.geomID, r.hit.primID, r.hit.u, r.hit.v, rays[i].d, r.ray.tfar);
-    }
+  }
+}
+
+void RayTracer::intersect_packet(std::span<const Ray> rays, std::span<Hit> out) const noexcept {
+  embree::Query query;
+  RTCRayHit16 packet;
+  alignas(64) int valid[kPacket] = {};
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    set_ray(packet.ray, i, rays[i]);
+    valid[i] = -1;
+    packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  embree::intersect16(valid, embree_->scene, packet, query);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)
+      set_missed(out[i]);
+    else
+      fill(out[i], packet.hit.geomID[i], packet.hit.primID[i], packet.hit.u[i], packet.hit.v[i], rays[i].d,
+           packet.ray.tfar[i]);
   }
 }
 
@@ -153,11 +187,13 @@ void RayTracer::occluded(std::span<const Ray> rays, std::span<bool> out) const n
   embree::Query query;
   for (std::size_t first = 0; first < rays.size(); first += kPacket) {
     const std::size_t count = std::min(kPacket, rays.size() - first);
-    if (count == 1) {
-      RTCRay r;
-      set_ray(r, rays[first]);
-      embree::occluded1(embree_->scene, r, query);
-      out[first] = r.tfar < 0.0f;
+    if (count < kFew) {
+      for (std::size_t i = first; i < rays.size(); ++i) {
+        RTCRay r;
+        set_ray(r, rays[i]);
+        embree::occluded1(embree_->scene, r, query);
+        out[i] = r.tfar < 0.0f;
+      }
       return;
     }
     RTCRay16 packet;

@@ -1,10 +1,11 @@
-// Ray tracing through Embree: the scene and its BVH, shared by all threads, and a Tracer per thread that counts.
+// Ray tracing through Embree: the scene and its BVH, shared by all threads, and a Tracer per thread that
+// counts.
 //
-// Epsilon policy, the only one there is. A ray leaves a surface at p + epsilon * ng, on the side it travels to, and
-// is then intersected from t = 0; a shadow ray also ends epsilon off the light, at t = 1. epsilon is
-// kEpsilonShare of the scene's largest |coordinate| (scene.h). Hit positions are interpolated from the vertices, not
-// stepped along the ray, so that their error does not grow with the ray. Embree scenes are robust: no ray slips
-// between two triangles that share an edge.
+// Epsilon policy, the only one there is. A ray leaves a surface at p + epsilon * ng, on the side it travels
+// to, and is then intersected from t = 0; a shadow ray also ends epsilon off the light, at t = 1. epsilon is
+// kEpsilonShare of the scene's largest |coordinate| (scene.h). Hit positions are interpolated from the
+// vertices, not stepped along the ray, so that their error does not grow with the ray. Embree scenes are
+// robust: no ray slips between two triangles that share an edge.
 //
 // Everything here is safe to call from any number of threads; building the BVH uses oneTBB.
 #pragma once
@@ -35,12 +36,12 @@ inline constexpr std::uint32_t kMiss = ~0u;
 
 /// A point on a surface, seen from the side its normals face.
 struct Hit {
-  glm::vec3 p;                    ///< metres
-  glm::vec3 n;                    ///< unit shading normal, on the side of ng
-  glm::vec3 ng;                   ///< unit geometric normal, facing the ray
-  float t;                        ///< distance in units of the ray's |d|
-  std::uint32_t material = kMiss; ///< index into the scene's materials
-  bool front = false;             ///< seen from the side that emits
+  glm::vec3 p;                     ///< metres
+  glm::vec3 n;                     ///< unit shading normal, on the side of ng
+  glm::vec3 ng;                    ///< unit geometric normal, facing the ray
+  float t;                         ///< distance in units of the ray's |d|
+  std::uint32_t material = kMiss;  ///< index into the scene's materials
+  bool front = false;              ///< seen from the side that emits
 
   bool missed() const noexcept { return material == kMiss; }
 };
@@ -61,8 +62,8 @@ struct RayCounts {
 /// A prepared scene and its BVH. Immutable, hence shared.
 class RayTracer {
  public:
-  /// Prepares the scene and builds the BVH in parallel. Throws std::runtime_error as prepare() does, or if Embree
-  /// fails.
+  /// Prepares the scene and builds the BVH in parallel. Throws std::runtime_error as prepare() does, or if
+  /// Embree fails.
   explicit RayTracer(Scene scene);
   ~RayTracer();
   RayTracer(const RayTracer&) = delete;
@@ -80,20 +81,23 @@ class RayTracer {
     return hit.front && !hit.missed() ? material(hit).emission : glm::vec3(0.0f);
   }
 
-  /// Nearest hits of many rays; out[i] belongs to rays[i]. Both have the same length.
+  /// Nearest hits of many rays; out[i] belongs to rays[i]. Both have the same length. Many
+  /// rays a call go faster than one.
   void intersect(std::span<const Ray> rays, std::span<Hit> out) const noexcept;
 
   /// Whether anything lies on each of many rays.
   void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
 
-  /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything above.
-  /// Returns how many hit or were occluded.
+  /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything
+  /// above. Returns how many hit or were occluded.
   std::uint64_t bare_trace(std::span<const TracedRay> rays) const noexcept;
 
  private:
   struct Embree;
   struct MeshView;
 
+  void intersect_singly(std::span<const Ray> rays, std::span<Hit> out) const noexcept;
+  void intersect_packet(std::span<const Ray> rays, std::span<Hit> out) const noexcept;  // at most 16
   void fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v, const glm::vec3& d,
             float t) const noexcept;
 

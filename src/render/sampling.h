@@ -29,8 +29,8 @@ struct SampleKey {
   }
 };
 
-/// Two unit vectors that complete the unit vector n to a right-handed basis, without a branch or a division by zero
-/// (Duff et al. 2017).
+/// Two unit vectors that complete the unit vector n to a right-handed basis, without a branch or a division
+/// by zero (Duff et al. 2017).
 struct Basis {
   glm::vec3 s, t, n;
 

@@ -52,7 +52,8 @@ std::vector<Tile> make_tiles(int width, int height, int size, TileOrder order, s
     std::sort(tiles.begin(), tiles.end(),
               [size](const Tile& a, const Tile& b) { return morton_code(a, size) < morton_code(b, size); });
   } else if (order == TileOrder::random) {
-    Pcg32 random(hash_keys(seed, tiles.size()));  // Fisher-Yates by hand: std::shuffle differs between libraries
+    Pcg32 random(
+        hash_keys(seed, tiles.size()));  // Fisher-Yates by hand: std::shuffle differs between libraries
     for (std::size_t i = tiles.size(); i > 1; --i)
       std::swap(tiles[i - 1], tiles[random.below(static_cast<std::uint32_t>(i))]);
   }

@@ -23,8 +23,8 @@ enum class TileOrder : std::uint8_t {
 /// Throws std::runtime_error naming the orders if there is none of that name.
 TileOrder parse_tile_order(std::string_view name);
 
-/// Every pixel of the image in exactly one tile; tiles have edge `size`, less at the right and bottom. `seed` matters
-/// for the random order only. Throws std::runtime_error unless width, height and size are positive.
+/// Every pixel of the image in exactly one tile; tiles have edge `size`, less at the right and bottom. `seed`
+/// matters for the random order only. Throws std::runtime_error unless width, height and size are positive.
 std::vector<Tile> make_tiles(int width, int height, int size, TileOrder order, std::uint64_t seed = 0);
 
 /// Hands out tiles, each once, to any number of threads: wait-free, one fetch_add each.

@@ -1,10 +1,11 @@
-// The pieces every light transport estimator here is made of: a light sample, its counterpart when a ray hits a light
-// by chance, and Russian roulette.
+// The pieces every light transport estimator here is made of: a light sample, its counterpart when a ray hits
+// a light by chance, and Russian roulette.
 //
 // At a surface point, irradiance from lights is estimated by two strategies that are weighted by the balance
-// heuristic (Veach & Guibas 1995): a point drawn on the lights (density p_l), and a cosine-distributed ray that is
-// traced with probability q (density q p_b). The weights sum to 1 for every direction, hence no bias; and because
-// p_l + q p_b stands in every denominator, no estimate is unbounded where light and surface meet in a corner.
+// heuristic (Veach & Guibas 1995): a point drawn on the lights (density p_l), and a cosine-distributed ray
+// that is traced with probability q (density q p_b). The weights sum to 1 for every direction, hence no bias;
+// and because p_l + q p_b stands in every denominator, no estimate is unbounded where light and surface meet
+// in a corner.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +26,8 @@ struct LightProposal {
 
 /// Draws a point on the lights for `at`, where a cosine ray is traced with probability q. False if it cannot
 /// contribute: no lights, or one of the two faces away.
-inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& random, LightProposal& out) noexcept {
+inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& random,
+                          LightProposal& out) noexcept {
   const LightTable& lights = rays.scene().lights;
   if (lights.empty()) return false;
   const float u_light = random.uniform(), u1 = random.uniform(), u2 = random.uniform();
@@ -43,7 +45,8 @@ inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& 
 }
 
 /// Weight of the emission found by a cosine ray (unit d, density p_b) that was traced with probability q.
-inline float emitter_weight(const RayTracer& rays, const Hit& found, const glm::vec3& d, float p_b, float q) noexcept {
+inline float emitter_weight(const RayTracer& rays, const Hit& found, const glm::vec3& d, float p_b,
+                            float q) noexcept {
   const float p_l = rays.scene().lights.pdf_area(rays.material(found).emission) * found.t * found.t /
                     std::abs(glm::dot(found.ng, d));
   return q * p_b / (p_l + q * p_b);

@@ -1,5 +1,6 @@
-// The Cornell box (Goral et al. 1984; dimensions of the Cornell box data page, ten times the size) with a statue in
-// its middle and the Stanford bunny beside it, as in the Cornell Box animation of Dubla 2012, section 6.3.2.
+// The Cornell box (Goral et al. 1984; dimensions of the Cornell box data page, ten times the size) with a
+// statue in its middle and the Stanford bunny beside it, as in the Cornell Box animation of Dubla 2012,
+// section 6.3.2.
 #include "scene/import_mesh.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
@@ -15,7 +16,7 @@ Scene cornell_box() {
   const auto green = s.add_material({.albedo = {0.14f, 0.45f, 0.10f}});
   const auto marble = s.add_material({.albedo = {0.80f, 0.78f, 0.74f}});
   const auto clay = s.add_material({.albedo = {0.66f, 0.49f, 0.33f}});
-  const auto lamp = s.add_material({.emission = {22.0f, 18.0f, 12.0f}});
+  const auto lamp = s.add_material({.emission = {30.0f, 25.5f, 19.0f}});
 
   const glm::vec3 x(kWidth, 0, 0), y(0, kHeight, 0), z(0, 0, kDepth);
   s.meshes.push_back(quad("floor", {}, z, x, white));
@@ -32,7 +33,7 @@ Scene cornell_box() {
   s.meshes.push_back(venus(marble));
   place(s.meshes.back(), 3.2f, 3.0f, centre + glm::vec3(0.0f, kPedestal, 0.0f));
   s.meshes.push_back(stanford_bunny(clay));
-  place(s.meshes.back(), 1.5f, 0.5f, {1.30f, 0.0f, 1.75f});
+  place(s.meshes.back(), 1.5f, 3.75f, {1.35f, 0.0f, 1.75f});
 
   s.camera = {.eye = {2.78f, 2.73f, -8.0f}, .target = {2.78f, 2.73f, 0.0f}, .up = {0, 1, 0}, .fov_y = 0.686f};
   return s;

@@ -51,7 +51,8 @@ bool cell_vertex(const Grid& g, const std::vector<float>& values, int x, int y, 
 }
 
 // One quad for every grid edge the surface crosses, between the four cells around that edge.
-void connect(const Grid& g, const std::vector<float>& values, const std::vector<std::uint32_t>& vertex, Mesh& mesh) {
+void connect(const Grid& g, const std::vector<float>& values, const std::vector<std::uint32_t>& vertex,
+             Mesh& mesh) {
   for (int z = 1; z + 1 < g.corners.z; ++z)
     for (int y = 1; y + 1 < g.corners.y; ++y)
       for (int x = 1; x + 1 < g.corners.x; ++x)
@@ -80,7 +81,8 @@ float ellipsoid(const glm::vec3& p, const glm::vec3& centre, const glm::vec3& r)
   return slope > 0.0f ? unit * (unit - 1.0f) / slope : -std::min({r.x, r.y, r.z});
 }
 
-float tapered_capsule(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b, float ra, float rb) noexcept {
+float tapered_capsule(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b, float ra,
+                      float rb) noexcept {
   const glm::vec3 ab = b - a;
   const float h = std::clamp(glm::dot(p - a, ab) / glm::dot(ab, ab), 0.0f, 1.0f);
   return glm::length(p - a - h * ab) - glm::mix(ra, rb, h);

@@ -1,4 +1,5 @@
-// Sculpting with implicit surfaces: signed functions, negative inside, joined smoothly and meshed by surface nets.
+// Sculpting with implicit surfaces: signed functions, negative inside, joined smoothly and meshed by surface
+// nets.
 #pragma once
 
 #include <functional>
@@ -16,14 +17,15 @@ using SolidFunction = std::function<float(const glm::vec3&)>;
 float ellipsoid(const glm::vec3& p, const glm::vec3& centre, const glm::vec3& r) noexcept;
 
 /// Ball swept from a to b while its radius goes from ra to rb.
-float tapered_capsule(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b, float ra, float rb) noexcept;
+float tapered_capsule(const glm::vec3& p, const glm::vec3& a, const glm::vec3& b, float ra,
+                      float rb) noexcept;
 
 /// Union of two solids whose seam is filleted over a width of about k; k > 0, metres.
 float smooth_union(float a, float b, float k) noexcept;
 
-/// Meshes f = 0 on cubic cells of edge `cell` by surface nets (Gibson 1998): one vertex per cell that the surface
-/// crosses, moved onto the surface along the gradient, which also gives its normal. The solid must lie inside
-/// `bounds`. Evaluates f in parallel; the result does not depend on the number of threads.
+/// Meshes f = 0 on cubic cells of edge `cell` by surface nets (Gibson 1998): one vertex per cell that the
+/// surface crosses, moved onto the surface along the gradient, which also gives its normal. The solid must
+/// lie inside `bounds`. Evaluates f in parallel; the result does not depend on the number of threads.
 Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bounds, float cell,
                    std::uint32_t material);
 

@@ -35,7 +35,8 @@ Mesh import_mesh(const std::filesystem::path& file, std::string name, std::uint3
   const aiScene* scene =
       importer.ReadFile(file.string(), aiProcess_Triangulate | aiProcess_JoinIdenticalVertices |
                                            aiProcess_GenSmoothNormals | aiProcess_PreTransformVertices);
-  if (!scene) throw std::runtime_error(fmt::format("cannot read {}: {}", file.string(), importer.GetErrorString()));
+  if (!scene)
+    throw std::runtime_error(fmt::format("cannot read {}: {}", file.string(), importer.GetErrorString()));
   Mesh mesh{std::move(name), {}, {}, {}, material};
   for (unsigned m = 0; m < scene->mNumMeshes; ++m)
     if (scene->mMeshes[m]->HasNormals()) append(mesh, *scene->mMeshes[m]);

@@ -8,12 +8,12 @@
 
 namespace icbench {
 
-/// All triangles of a file as one mesh with smooth normals, in the file's own units. Throws std::runtime_error with
-/// one line if the file cannot be read or holds no triangle.
+/// All triangles of a file as one mesh with smooth normals, in the file's own units. Throws
+/// std::runtime_error with one line if the file cannot be read or holds no triangle.
 Mesh import_mesh(const std::filesystem::path& file, std::string name, std::uint32_t material);
 
-/// The Stanford bunny of the Debian package glmark2-data (69,666 triangles), 1 m high, standing on the origin and
-/// looking along -z. The error names the package if the file is absent.
+/// The Stanford bunny of the Debian package glmark2-data (69,666 triangles), 1 m high, standing on the origin
+/// and looking along -x. The error names the package if the file is absent.
 Mesh stanford_bunny(std::uint32_t material);
 
 }  // namespace icbench

@@ -1,7 +1,7 @@
 // Area lights: every emitting triangle, drawn with probability proportional to its power.
 //
-// Cost: one alias-table look-up per sample whatever the number of triangles (Walker 1977; Vose 1991); the density of
-// a point hit by chance follows from its emission alone.
+// Cost: one alias-table look-up per sample whatever the number of triangles (Walker 1977; Vose 1991); the
+// density of a point hit by chance follows from its emission alone.
 #pragma once
 
 #include <cstdint>
@@ -45,7 +45,9 @@ class LightTable {
     std::uint32_t alias;  // the entry taken otherwise
   };
 
-  static float power_share(const glm::vec3& emission) noexcept { return emission.x + emission.y + emission.z; }
+  static float power_share(const glm::vec3& emission) noexcept {
+    return emission.x + emission.y + emission.z;
+  }
 
   void build_alias_table(const std::vector<double>& powers);
 

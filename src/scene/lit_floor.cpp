@@ -1,6 +1,6 @@
-// Closed-form scene: a square light of 1 m side, 1 m above the origin, emits 10 W/(m^2 sr) downwards onto a floor of
-// albedo 0.5. Nothing else is there and the light reflects nothing, so the irradiance of the floor is direct only and
-// follows from Lambert's polygon formula.
+// Closed-form scene: a square light of 1 m side, 1 m above the origin, emits 10 W/(m^2 sr) downwards onto a
+// floor of albedo 0.5. Nothing else is there and the light reflects nothing, so the irradiance of the floor
+// is direct only and follows from Lambert's polygon formula.
 #include "scene/registry.h"
 #include "scene/shapes.h"
 

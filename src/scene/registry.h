@@ -23,10 +23,12 @@ inline constexpr std::array kScenes{
     SceneEntry{"cornell_box", "Cornell box with the Stanford bunny and a Venus statue", false, cornell_box},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
                white_furnace},
-    SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true, lit_floor},
+    SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true,
+               lit_floor},
 };
 
-/// Builds a scene of kScenes. Throws std::runtime_error naming the known scenes if there is none of that name.
+/// Builds a scene of kScenes. Throws std::runtime_error naming the known scenes if there is none of that
+/// name.
 Scene make_scene(std::string_view name);
 
 }  // namespace icbench

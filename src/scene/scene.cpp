@@ -11,7 +11,8 @@
 namespace icbench {
 namespace {
 
-// A triangle whose doubled area is below this share of its longest edge squared has no normal in float arithmetic.
+// A triangle whose doubled area is below this share of its longest edge squared has no normal in float
+// arithmetic.
 constexpr double kThinnest = 1e-6;
 // One whose doubled area is below this share of reach^2 is a tenth of epsilon wide.
 constexpr double kSmallest = 1e-12;
@@ -33,7 +34,8 @@ void check_material(const Scene& scene, std::size_t i) {
 
 void check_mesh(const Scene& scene, const Mesh& mesh) {
   if (mesh.material >= scene.materials.size())
-    fail(scene, fmt::format("mesh '{}' names material {} of {}", mesh.name, mesh.material, scene.materials.size()));
+    fail(scene,
+         fmt::format("mesh '{}' names material {} of {}", mesh.name, mesh.material, scene.materials.size()));
   if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
     fail(scene, fmt::format("mesh '{}' has {} normals for {} vertices; give one each or none", mesh.name,
                             mesh.normals.size(), mesh.positions.size()));

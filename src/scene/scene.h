@@ -1,11 +1,11 @@
 // A scene: triangle meshes of diffuse materials, the area lights among them, and a pinhole camera.
 //
 // A scene is described (materials, meshes, camera), then prepared once: prepare() checks it, drops degenerate
-// triangles and derives what rendering needs (bounds, lights). RayTracer prepares the scene it is given, so only code
-// that uses a scene without tracing has to call prepare itself.
+// triangles and derives what rendering needs (bounds, lights). RayTracer prepares the scene it is given, so
+// only code that uses a scene without tracing has to call prepare itself.
 //
-// Units: metres, W/(m^2 sr), radians. Surfaces reflect on both sides and emit from the front side only, the one from
-// which a triangle's vertices run counter-clockwise.
+// Units: metres, W/(m^2 sr), radians. Surfaces reflect on both sides and emit from the front side only, the
+// one from which a triangle's vertices run counter-clockwise.
 #pragma once
 
 #include <cstddef>
@@ -59,12 +59,14 @@ struct Scene {
   }
 };
 
-/// A scene's largest |coordinate| must lie in this range, metres: inside it no product below leaves float's range.
+/// A scene's largest |coordinate| must lie in this range, metres: inside it no product below leaves float's
+/// range.
 inline constexpr float kMinReach = 1e-3f;
 inline constexpr float kMaxReach = 1e6f;
 
-/// The one length below which geometry is not told apart, as a share of the largest |coordinate|: some fifty times
-/// the rounding error of an interpolated hit. Rays start this far off their surface, and bounds are padded by it.
+/// The one length below which geometry is not told apart, as a share of the largest |coordinate|: some fifty
+/// times the rounding error of an interpolated hit. Rays start this far off their surface, and bounds are
+/// padded by it.
 inline constexpr float kEpsilonShare = 1e-5f;
 
 /// The scene's epsilon, metres; `reach` is the largest |coordinate|.
@@ -73,9 +75,10 @@ inline float scene_epsilon(float reach) noexcept { return kEpsilonShare * reach;
 /// Largest |coordinate| of a box.
 float reach_of(const Bounds& bounds) noexcept;
 
-/// Checks the scene, drops triangles too thin or too small to have a normal (counted), and derives bounds and lights.
-/// Idempotent. Throws std::runtime_error with one line if the scene has no surface, a NaN or infinite vertex, an
-/// index out of range, an unphysical material, a camera that cannot look, or a size outside [kMinReach, kMaxReach].
+/// Checks the scene, drops triangles too thin or too small to have a normal (counted), and derives bounds and
+/// lights. Idempotent. Throws std::runtime_error with one line if the scene has no surface, a NaN or infinite
+/// vertex, an index out of range, an unphysical material, a camera that cannot look, or a size outside
+/// [kMinReach, kMaxReach].
 void prepare(Scene& scene);
 
 }  // namespace icbench

@@ -9,7 +9,8 @@
 
 namespace icbench {
 
-Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::vec3& v, std::uint32_t material) {
+Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::vec3& v,
+          std::uint32_t material) {
   return {std::move(name), {p, p + u, p + u + v, p + v}, {}, {{0, 1, 2}, {0, 2, 3}}, material};
 }
 
@@ -81,19 +82,23 @@ Mesh revolve(std::string name, const glm::vec3& base, std::span<const glm::vec2>
   for (std::size_t row = 0; row < rows; ++row) {
     const glm::vec2 d = tangent(row);
     for (int s = 0; s < segments; ++s) {
-      const float phi = 2.0f * std::numbers::pi_v<float> * static_cast<float>(s) / static_cast<float>(segments);
+      const float phi =
+          2.0f * std::numbers::pi_v<float> * static_cast<float>(s) / static_cast<float>(segments);
       const float c = std::cos(phi), z = -std::sin(phi);
       mesh.positions.push_back(base + glm::vec3(profile[row].x * c, profile[row].y, profile[row].x * z));
       mesh.normals.push_back(glm::normalize(glm::vec3(d.y * c, -d.x, d.y * z)));
     }
   }
   const auto n = static_cast<std::uint32_t>(segments);
-  for (std::uint32_t row = 0; row + 1 < rows; ++row)
+  for (std::uint32_t row = 0; row + 1 < rows; ++row) {
+    if (profile[row] == profile[row + 1]) continue;  // a crease
     for (std::uint32_t s = 0; s < n; ++s) {
       const std::uint32_t a = row * n + s, b = row * n + (s + 1) % n;
-      mesh.triangles.emplace_back(a, b, b + n);
-      mesh.triangles.emplace_back(a, b + n, a + n);
+      if (profile[row].x > 0.0f)
+        mesh.triangles.emplace_back(a, b, b + n);  // at a pole one of the two is a line
+      if (profile[row + 1].x > 0.0f) mesh.triangles.emplace_back(a, b + n, a + n);
     }
+  }
   return mesh;
 }
 

@@ -11,7 +11,8 @@
 namespace icbench {
 
 /// Parallelogram p, p + u, p + u + v, p + v; its front is the side of cross(u, v).
-Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::vec3& v, std::uint32_t material);
+Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::vec3& v,
+          std::uint32_t material);
 
 /// Axis-aligned box, fronts outward, or inward for a room.
 Mesh box(std::string name, const Bounds& bounds, std::uint32_t material, bool inward = false);
@@ -19,8 +20,8 @@ Mesh box(std::string name, const Bounds& bounds, std::uint32_t material, bool in
 /// Sphere of 20 * 4^levels flat triangles, front outward. Metres.
 Mesh icosphere(std::string name, const glm::vec3& centre, float radius, int levels, std::uint32_t material);
 
-/// Surface of revolution about the vertical axis through `base`: `profile` holds (radius, height) from bottom to top,
-/// joined smoothly except where a point is repeated (a crease); front outward. Metres.
+/// Surface of revolution about the vertical axis through `base`: `profile` holds (radius, height) from bottom
+/// to top, joined smoothly except where a point is repeated (a crease); front outward. Metres.
 Mesh revolve(std::string name, const glm::vec3& base, std::span<const glm::vec2> profile, int segments,
              std::uint32_t material);
 

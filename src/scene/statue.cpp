@@ -13,15 +13,16 @@ namespace {
 
 using glm::vec3;
 
-// All coordinates below are in heads: the classical figure is eight of them high. +z is the front, +x the left of
-// the onlooker's right hand.
+// All coordinates below are in heads: the classical figure is eight of them high. +z is the front, +x the
+// left of the onlooker's right hand.
 
 float head(const vec3& p) {
   float d = ellipsoid(p, {-0.07f, 7.50f, 0.10f}, {0.35f, 0.48f, 0.41f});
-  d = smooth_union(d, ellipsoid(p, {-0.09f, 7.23f, 0.24f}, {0.23f, 0.22f, 0.24f}), 0.15f);               // jaw
-  d = smooth_union(d, tapered_capsule(p, {-0.10f, 7.55f, 0.49f}, {-0.105f, 7.38f, 0.56f}, 0.03f, 0.05f), 0.08f);
-  d = smooth_union(d, ellipsoid(p, {-0.10f, 7.24f, 0.46f}, {0.09f, 0.035f, 0.05f}), 0.05f);              // lips
-  d = smooth_union(d, ellipsoid(p, {-0.095f, 7.61f, 0.44f}, {0.22f, 0.05f, 0.07f}), 0.10f);              // brow
+  d = smooth_union(d, ellipsoid(p, {-0.09f, 7.23f, 0.24f}, {0.23f, 0.22f, 0.24f}), 0.15f);  // jaw
+  d = smooth_union(d, tapered_capsule(p, {-0.10f, 7.55f, 0.49f}, {-0.105f, 7.38f, 0.56f}, 0.03f, 0.05f),
+                   0.08f);
+  d = smooth_union(d, ellipsoid(p, {-0.10f, 7.24f, 0.46f}, {0.09f, 0.035f, 0.05f}), 0.05f);  // lips
+  d = smooth_union(d, ellipsoid(p, {-0.095f, 7.61f, 0.44f}, {0.22f, 0.05f, 0.07f}), 0.10f);  // brow
   const float wave = 0.018f * std::sin(38.0f * p.y + 9.0f * std::sin(5.0f * p.x)) * std::sin(14.0f * p.z);
   float hair = ellipsoid(p, {-0.05f, 7.66f, -0.03f}, {0.43f, 0.42f, 0.46f});
   hair = smooth_union(hair, ellipsoid(p, {-0.02f, 7.52f, -0.48f}, {0.20f, 0.20f, 0.20f}), 0.12f);
@@ -29,13 +30,15 @@ float head(const vec3& p) {
 }
 
 float torso(const vec3& p) {
-  float d = ellipsoid(p, {0.10f, 4.25f, -0.02f}, {0.78f, 0.70f, 0.54f});                      // pelvis
-  d = smooth_union(d, ellipsoid(p, {0.04f, 5.05f, 0.03f}, {0.55f, 0.80f, 0.41f}), 0.35f);     // abdomen
-  d = smooth_union(d, ellipsoid(p, {-0.03f, 5.92f, -0.02f}, {0.63f, 0.75f, 0.46f}), 0.30f);   // ribs
-  d = smooth_union(d, tapered_capsule(p, {-0.70f, 6.38f, -0.05f}, {0.64f, 6.50f, -0.05f}, 0.23f, 0.23f), 0.35f);
-  d = smooth_union(d, ellipsoid(p, {-0.30f, 5.98f, 0.36f}, {0.24f, 0.25f, 0.24f}), 0.12f);    // breasts
+  float d = ellipsoid(p, {0.10f, 4.25f, -0.02f}, {0.78f, 0.70f, 0.54f});                     // pelvis
+  d = smooth_union(d, ellipsoid(p, {0.04f, 5.05f, 0.03f}, {0.55f, 0.80f, 0.41f}), 0.35f);    // abdomen
+  d = smooth_union(d, ellipsoid(p, {-0.03f, 5.92f, -0.02f}, {0.63f, 0.75f, 0.46f}), 0.30f);  // ribs
+  d = smooth_union(d, tapered_capsule(p, {-0.70f, 6.38f, -0.05f}, {0.64f, 6.50f, -0.05f}, 0.23f, 0.23f),
+                   0.35f);
+  d = smooth_union(d, ellipsoid(p, {-0.30f, 5.98f, 0.36f}, {0.24f, 0.25f, 0.24f}), 0.12f);  // breasts
   d = smooth_union(d, ellipsoid(p, {0.24f, 6.03f, 0.36f}, {0.24f, 0.25f, 0.24f}), 0.12f);
-  d = smooth_union(d, tapered_capsule(p, {-0.03f, 6.45f, -0.06f}, {-0.07f, 7.20f, 0.04f}, 0.25f, 0.21f), 0.22f);
+  d = smooth_union(d, tapered_capsule(p, {-0.03f, 6.45f, -0.06f}, {-0.07f, 7.20f, 0.04f}, 0.25f, 0.21f),
+                   0.22f);
   const float navel = ellipsoid(p, {0.05f, 4.93f, 0.46f}, {0.035f, 0.05f, 0.06f});
   d = std::max(d, -navel);
   // The arms end in broken stumps.
@@ -48,23 +51,26 @@ float torso(const vec3& p) {
 float drapery(const vec3& p) {
   // Cloth over a straight leg that bears the weight and a bent one whose knee comes forward.
   float d = tapered_capsule(p, {0.34f, 3.95f, -0.02f}, {0.40f, 0.15f, -0.08f}, 0.46f, 0.42f);
-  d = smooth_union(d, tapered_capsule(p, {-0.22f, 3.95f, 0.02f}, {-0.36f, 2.30f, 0.46f}, 0.46f, 0.31f), 0.35f);
-  d = smooth_union(d, tapered_capsule(p, {-0.36f, 2.30f, 0.46f}, {-0.44f, 0.15f, 0.10f}, 0.30f, 0.40f), 0.35f);
-  d = smooth_union(d, tapered_capsule(p, {0.02f, 3.60f, -0.12f}, {0.00f, 0.05f, -0.20f}, 0.62f, 0.66f), 0.40f);
-  d = smooth_union(d, ellipsoid(p, {0.10f, 4.05f, -0.02f}, {0.84f, 0.50f, 0.60f}), 0.25f);
+  d = smooth_union(d, tapered_capsule(p, {-0.22f, 3.95f, 0.02f}, {-0.36f, 2.30f, 0.46f}, 0.46f, 0.31f),
+                   0.35f);
+  d = smooth_union(d, tapered_capsule(p, {-0.36f, 2.30f, 0.46f}, {-0.44f, 0.15f, 0.10f}, 0.30f, 0.40f),
+                   0.35f);
+  d = smooth_union(d, tapered_capsule(p, {0.02f, 3.60f, -0.12f}, {0.00f, 0.05f, -0.20f}, 0.62f, 0.66f),
+                   0.40f);
+  d = smooth_union(d, ellipsoid(p, {0.10f, 4.15f, -0.02f}, {0.86f, 0.70f, 0.60f}), 0.20f);
+  const float smooth = d;
   // Folds run down and outward, deepen towards the hem, and are pulled flat over the bent knee.
   const float phi = std::atan2(p.z + 0.1f, p.x);
-  const float taut = std::exp(-3.0f * (glm::distance(p, vec3(-0.36f, 2.5f, 0.75f))));
-  const float depth = 0.085f * std::clamp(1.15f - 0.24f * p.y, 0.15f, 1.0f) * (1.0f - taut);
+  const float taut = std::exp(-2.5f * glm::distance(p, vec3(-0.36f, 2.6f, 0.75f)));
+  const float depth = 0.13f * std::clamp(1.15f - 0.24f * p.y, 0.25f, 1.0f) * (1.0f - taut);
   const float ridge = 0.6f * std::sin(11.0f * phi + 0.9f * p.y + 0.8f * std::sin(1.7f * p.y)) +
                       0.4f * std::sin(19.0f * phi - 1.1f * p.y + 1.0f);
-  d -= depth * (ridge + 0.3f);
-  // The rolled upper edge lies low around the hips, lower on one side.
-  const vec3 q = p - vec3(0.10f, 4.26f + 0.22f * p.x - 0.10f * p.z, -0.02f);
-  const float around = glm::length(glm::vec2(q.x / 0.80f, q.z / 0.57f)) - 1.0f;
-  const float twist = 0.025f * std::sin(9.0f * phi + 22.0f * q.y);
-  const float roll = glm::length(glm::vec2(0.62f * around, q.y)) - 0.125f - twist;
-  d = std::max(d, q.y - 0.02f);
+  d -= depth * (ridge + 0.2f);
+  // The rolled upper edge hugs the hips, lower on one side.
+  const float above = p.y - (4.26f + 0.24f * p.x - 0.12f * p.z);
+  const float twist = 0.030f * std::sin(13.0f * phi + 16.0f * above);
+  const float roll = glm::length(glm::vec2(smooth + 0.01f, above)) - 0.12f - twist;
+  d = std::max(d, above);
   d = smooth_union(d, roll, 0.06f);
   return std::max(d, 0.02f - p.y);
 }
@@ -93,10 +99,11 @@ Mesh venus(std::uint32_t material) {
 
 Mesh pedestal(float height, std::uint32_t material) {
   // (radius, height), both in shares of the height; repeated points are creases.
-  static constexpr glm::vec2 kProfile[] = {
-      {0.66f, 0.00f}, {0.66f, 0.14f}, {0.66f, 0.14f}, {0.62f, 0.17f}, {0.55f, 0.20f}, {0.51f, 0.25f}, {0.50f, 0.30f},
-      {0.50f, 0.30f}, {0.48f, 0.50f}, {0.48f, 0.75f}, {0.48f, 0.75f}, {0.50f, 0.80f}, {0.55f, 0.84f}, {0.60f, 0.86f},
-      {0.60f, 0.86f}, {0.60f, 1.00f}, {0.60f, 1.00f}, {0.30f, 1.00f}, {0.00f, 1.00f}};
+  static constexpr glm::vec2 kProfile[] = {{0.66f, 0.00f}, {0.66f, 0.14f}, {0.66f, 0.14f}, {0.62f, 0.17f},
+                                           {0.55f, 0.20f}, {0.51f, 0.25f}, {0.50f, 0.30f}, {0.50f, 0.30f},
+                                           {0.48f, 0.50f}, {0.48f, 0.75f}, {0.48f, 0.75f}, {0.50f, 0.80f},
+                                           {0.55f, 0.84f}, {0.60f, 0.86f}, {0.60f, 0.86f}, {0.60f, 1.00f},
+                                           {0.60f, 1.00f}, {0.30f, 1.00f}, {0.00f, 1.00f}};
   Mesh mesh = revolve("pedestal", vec3(0.0f), kProfile, 96, material);
   place(mesh, height, 0.0f, vec3(0.0f));
   return mesh;

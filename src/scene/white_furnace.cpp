@@ -1,5 +1,5 @@
-// Closed-form scene: in a closed room where every surface reflects rho and emits 1 - rho, radiance is 1 W/(m^2 sr)
-// everywhere, so total irradiance is pi and its indirect part pi rho W/m^2.
+// Closed-form scene: in a closed room where every surface reflects rho and emits 1 - rho, radiance is 1
+// W/(m^2 sr) everywhere, so total irradiance is pi and its indirect part pi rho W/m^2.
 #include "scene/registry.h"
 #include "scene/shapes.h"
 

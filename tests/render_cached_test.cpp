@@ -1,0 +1,138 @@
+// The cached integrator, on the simplest cache there is.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "core/interpolation.h"
+#include "render/gather.h"
+#include "render/irradiance_cache.h"
+#include "render/path.h"
+#include "render_support.h"
+#include "scene/registry.h"
+
+namespace icbench {
+namespace {
+
+// A list of records, for one thread.
+class ListSession {
+ public:
+  std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
+    Interpolator sum;
+    for (const Record& r : records)
+      if (const float w = split_sphere_weight(x, r, a); w > 0.0f) sum(r, w);
+    return sum.result();
+  }
+  InsertResult insert(const Record& r) noexcept {
+    if (!is_storable(r, bounds)) return InsertResult::rejected;
+    if (records.size() == capacity) return InsertResult::full;
+    records.push_back(r);
+    return InsertResult::inserted;
+  }
+
+  Bounds bounds;
+  float a = 0.3f;
+  std::size_t capacity = std::numeric_limits<std::size_t>::max();
+  std::vector<Record> records{};
+};
+
+struct CachedRun {
+  Image indirect;
+  CacheUse use;
+  RayCounts rays;
+};
+
+CachedRun run_cached(const RayTracer& rays, const PrimaryHits& primary, ListSession& session,
+                     const IrradianceCacheParams& params) {
+  CachedRun run{blank(primary.width, primary.height), {}, {}};
+  Tracer tracer(rays);
+  for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
+    irradiance_cache_tile(session, tracer, primary, params, tile, run.indirect, run.use);
+  run.rays = tracer.counts;
+  return run;
+}
+
+TEST(RenderCached, TheFurnaceIsWhiteInEveryPixel) {
+  const RayTracer rays(make_scene("white_furnace"));
+  constexpr int kSize = 32;
+  const PrimaryHits primary = primary_hits(rays, kSize, kSize);
+  IrradianceCacheParams params{.strata = Strata::for_rays(4096),
+                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.01f, 0.2f),
+                               .key = {.seed = 4}};
+  ListSession session{.bounds = rays.scene().bounds};
+  const CachedRun run = run_cached(rays, primary, session, params);
+  EXPECT_GT(run.use.hits, run.use.queries / 2) << "hardly anything was interpolated";
+  EXPECT_EQ(run.use.rejected, 0u);
+
+  // An interpolated irradiance is a mean of records, so its error is at most theirs.
+  Estimate record;
+  Tracer tracer(rays);
+  for (std::uint64_t k = 0; k < 50; ++k) record.add(gather(tracer, primary.hits[77], params.strata, k).E.x);
+  const double deviation = record.error() * std::sqrt(50.0) * kRho / kPi;
+  Estimate all;
+  for (const glm::vec3& L : run.indirect.pixels) {
+    EXPECT_NEAR(L.x, kRho * kRho, 5.0 * deviation);
+    all.add(L.x + (1.0 - kRho) + (1.0 - kRho) * kRho);  // emitted and direct radiance, in closed form
+  }
+  EXPECT_NEAR(all.mean(), 1.0, 0.001);
+}
+
+TEST(RenderCached, CountsAddUpAndIdsAreUnique) {
+  const RayTracer rays(make_scene("cornell_box"));
+  const PrimaryHits primary = primary_hits(rays, 32, 32);
+  IrradianceCacheParams params{.strata = Strata::for_rays(16),
+                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
+  ListSession session{.bounds = rays.scene().bounds};
+  const CachedRun run = run_cached(rays, primary, session, params);
+  std::uint64_t asked = 0;
+  for (const Hit& hit : primary.hits) asked += reflects(rays, hit);
+  EXPECT_EQ(run.use.queries, asked);
+  EXPECT_EQ(run.use.queries, run.use.hits + run.use.inserts);
+  EXPECT_EQ(run.use.inserts, session.records.size());
+  EXPECT_GE(run.rays.total(), 16 * run.use.inserts / 2);
+  std::vector<bool> seen(primary.hits.size());
+  for (const Record& r : session.records) {
+    ASSERT_LT(r.id, seen.size());
+    ASSERT_FALSE(seen[r.id]);
+    seen[r.id] = true;
+    ASSERT_TRUE(r.R >= params.limits.min && r.R <= params.limits.max);
+  }
+}
+
+TEST(RenderCached, AFullCacheStillYieldsThePicture) {
+  const RayTracer rays(make_scene("cornell_box"));
+  const PrimaryHits primary = primary_hits(rays, 16, 16);
+  IrradianceCacheParams params{.strata = Strata::for_rays(16),
+                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
+  ListSession session{.bounds = rays.scene().bounds, .capacity = 3};
+  const CachedRun run = run_cached(rays, primary, session, params);
+  EXPECT_EQ(run.use.inserts, 3u);
+  EXPECT_GT(run.use.full, 0u);
+  EXPECT_EQ(run.use.queries, run.use.hits + run.use.inserts + run.use.full);
+  for (const glm::vec3& L : run.indirect.pixels) ASSERT_TRUE(is_finite(L) && L.x >= 0.0f);
+}
+
+TEST(RenderCached, ItsMeanComesNearTheReferenceAtTheSameHits) {
+  const RayTracer rays(make_scene("cornell_box"));
+  const PrimaryHits primary = primary_hits(rays, 40, 40);
+  Image reference = blank(40, 40);
+  for_tiles(rays, 40, 40, TileOrder::scanline, 2, [&](Tracer& t, const Tile& tile) {
+    path_indirect_tile(t, primary, 128, {.seed = 6}, tile, reference);
+  });
+  ListSession session{.bounds = rays.scene().bounds, .a = 0.15f};
+  const CachedRun run = run_cached(rays, primary, session,
+                                   {.strata = Strata::for_rays(256),
+                                    .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)});
+  glm::dvec3 cached(0.0), exact(0.0);
+  for (std::size_t i = 0; i < reference.pixels.size(); ++i) {
+    cached += run.indirect.pixels[i];
+    exact += reference.pixels[i];
+  }
+  for (int c = 0; c < 3; ++c)
+    EXPECT_NEAR(cached[c] / exact[c], 1.0, 0.03);  // interpolation is biased, by little
+}
+
+}  // namespace
+}  // namespace icbench

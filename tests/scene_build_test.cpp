@@ -1,0 +1,236 @@
+// Scenes: what prepare() refuses, drops and derives; the built-in scenes; light sampling.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/random.h"
+#include "scene/registry.h"
+#include "scene/shapes.h"
+#include "scene/statue.h"
+
+namespace icbench {
+namespace {
+
+Scene one_quad() {
+  Scene s;
+  s.name = "one_quad";
+  s.add_material({.albedo = glm::vec3(0.5f)});
+  s.meshes.push_back(quad("q", {}, {1, 0, 0}, {0, 1, 0}, 0));
+  return s;
+}
+
+// The one line that prepare() gives for a spoiled scene; empty if it accepts it.
+std::string complaint(const std::function<void(Scene&)>& spoil) {
+  Scene s = one_quad();
+  spoil(s);
+  try {
+    prepare(s);
+  } catch (const std::runtime_error& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(ScenePrepare, AcceptsAUsableScene) {
+  EXPECT_EQ(complaint([](Scene&) {}), "");
+}
+
+TEST(ScenePrepare, NamesWhatIsWrongInOneLine) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
+                  kInf = std::numeric_limits<float>::infinity();
+  const std::pair<std::function<void(Scene&)>, const char*> cases[] = {
+      {[](Scene& s) { s.meshes.clear(); }, "no surface"},
+      {[](Scene& s) { s.meshes[0].triangles.clear(); }, "no surface"},
+      {[&](Scene& s) { s.meshes[0].positions[2].y = kNan; }, "vertex 2 of mesh 'q' is not finite"},
+      {[&](Scene& s) { s.meshes[0].positions[1].x = kInf; }, "vertex 1 of mesh 'q' is not finite"},
+      {[](Scene& s) { s.meshes[0].triangles[1].z = 4; }, "triangle 1 of mesh 'q' uses vertex 4 of 4"},
+      {[](Scene& s) { s.meshes[0].material = 7; }, "material 7 of 1"},
+      {[](Scene& s) {
+         s.meshes[0].normals.resize(3, {0, 0, 1});
+       },
+       "3 normals for 4 vertices"},
+      {[&](Scene& s) {
+         s.meshes[0].normals.resize(4, {0, kNan, 1});
+       },
+       "normal 0 of mesh 'q'"},
+      {[](Scene& s) { s.materials[0].albedo.y = 1.01f; }, "albedo 1.01"},
+      {[&](Scene& s) { s.materials[0].albedo.z = kNan; }, "albedo"},
+      {[](Scene& s) { s.materials[0].emission.x = -1.0f; }, "emits -1"},
+      {[&](Scene& s) { s.materials[0].emission.x = kInf; }, "emits inf"},
+      {[](Scene& s) { s.camera.target = s.camera.eye; }, "coincide"},
+      {[](Scene& s) { s.camera.up = s.camera.target - s.camera.eye; }, "parallel"},
+      {[](Scene& s) { s.camera.fov_y = 4.0f; }, "angle"},
+      {[&](Scene& s) { s.camera.eye.x = kNan; }, "not finite"},
+      {[](Scene& s) { place(s.meshes[0], 1e-20f, 0.0f, {}); }, "scale it"},
+      {[](Scene& s) { place(s.meshes[0], 1e20f, 0.0f, {}); }, "scale it"},
+      {[](Scene& s) { s.meshes[0].positions.assign(4, glm::vec3(1.0f)); }, "only degenerate triangles"},
+  };
+  for (const auto& [spoil, expected] : cases) {
+    const std::string said = complaint(spoil);
+    EXPECT_NE(said.find(expected), std::string::npos)
+        << "expected '" << expected << "', got '" << said << "'";
+    EXPECT_EQ(said.find('\n'), std::string::npos);
+  }
+}
+
+TEST(ScenePrepare, DropsAndCountsDegenerateTriangles) {
+  Scene s = one_quad();
+  Mesh& mesh = s.meshes[0];
+  mesh.positions.insert(mesh.positions.end(), {{0.5f, 0.5f, 0.0f}, {0.3f, 0.3f, 0.0f}, {0.0f, 1e-9f, 0.0f}});
+  mesh.triangles.emplace_back(0, 0, 1);  // a point twice
+  mesh.triangles.emplace_back(0, 4, 5);  // three points in line
+  mesh.triangles.emplace_back(0, 1, 6);  // a sliver
+  prepare(s);
+  EXPECT_EQ(s.dropped_triangles, 3u);
+  EXPECT_EQ(s.meshes[0].triangles.size(), 2u);
+  prepare(s);
+  EXPECT_EQ(s.dropped_triangles, 3u) << "prepare is not idempotent";
+}
+
+TEST(ScenePrepare, BoundsHoldAllSurfacesButNotUnusedVertices) {
+  Scene s = one_quad();
+  s.meshes[0].positions.emplace_back(50.0f, 50.0f, 50.0f);
+  prepare(s);
+  for (int i = 0; i < 4; ++i) EXPECT_TRUE(s.bounds.contains(s.meshes[0].positions[i]));
+  EXPECT_LT(s.bounds.upper.x, 1.001f);
+}
+
+TEST(SceneRegistry, EveryEntryPreparesWithoutALoss) {
+  for (const SceneEntry& entry : kScenes) {
+    Scene s = make_scene(entry.name);
+    prepare(s);
+    EXPECT_EQ(s.name, entry.name);
+    EXPECT_EQ(s.dropped_triangles, 0u) << entry.name;
+    EXPECT_FALSE(s.lights.empty()) << entry.name;
+  }
+}
+
+TEST(SceneRegistry, AnUnknownNameIsAnsweredWithTheKnownOnes) {
+  try {
+    make_scene("cornel_box");
+    FAIL() << "accepted";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("cornell_box"), std::string::npos);
+  }
+}
+
+// Volume by the divergence theorem: positive exactly if the fronts of a closed mesh face outward.
+double volume(const Mesh& mesh) {
+  double six = 0.0;
+  for (const glm::uvec3& t : mesh.triangles)
+    six += glm::dot(glm::dvec3(mesh.positions[t.x]),
+                    glm::cross(glm::dvec3(mesh.positions[t.y]), glm::dvec3(mesh.positions[t.z])));
+  return six / 6.0;
+}
+
+// Each directed edge once, and its opposite too: no hole, consistent orientation.
+bool is_closed(const Mesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+  for (const glm::uvec3& t : mesh.triangles)
+    for (const auto& edge : {std::pair{t.x, t.y}, std::pair{t.y, t.z}, std::pair{t.z, t.x}}) ++edges[edge];
+  for (const auto& [edge, count] : edges) {
+    const auto opposite = edges.find({edge.second, edge.first});
+    if (opposite == edges.end() || opposite->second != count) return false;
+  }
+  return true;
+}
+
+TEST(SceneShapes, SolidsAreClosedAndFaceOutward) {
+  const Bounds unit{glm::vec3(-0.5f), glm::vec3(0.5f)};
+  EXPECT_TRUE(is_closed(box("b", unit, 0)));
+  EXPECT_NEAR(volume(box("b", unit, 0)), 1.0, 1e-6);
+  EXPECT_NEAR(volume(box("b", unit, 0, true)), -1.0, 1e-6);
+  const Mesh ball = icosphere("s", {3, 4, 5}, 2.0f, 4, 0);
+  EXPECT_EQ(ball.triangles.size(), 20u * 256u);
+  EXPECT_TRUE(is_closed(ball));
+  EXPECT_NEAR(volume(ball), 32.0 / 3.0 * 3.14159265, 0.1);
+}
+
+TEST(SceneShapes, TheStatueIsClosedStandsOnTheGroundAndHasSmoothOutwardNormals) {
+  const Mesh statue = venus(0);
+  EXPECT_TRUE(is_closed(statue));
+  EXPECT_GT(volume(statue), 0.0);
+  const Bounds b = bounds_of(statue);
+  EXPECT_NEAR(b.lower.y, 0.0f, 0.01f);
+  EXPECT_NEAR(b.upper.y, 1.0f, 0.02f);
+  std::size_t astray = 0;
+  for (const glm::uvec3& t : statue.triangles) {
+    const glm::vec3 ng = glm::cross(statue.positions[t.y] - statue.positions[t.x],
+                                    statue.positions[t.z] - statue.positions[t.x]);
+    astray += glm::dot(ng, statue.normals[t.x] + statue.normals[t.y] + statue.normals[t.z]) <= 0.0f;
+  }
+  EXPECT_LT(astray, statue.triangles.size() / 1000);
+}
+
+// Three emitting quads of different area and emission, one of them mirrored.
+Scene three_lamps() {
+  Scene s;
+  s.name = "three_lamps";
+  const float emissions[] = {1.0f, 5.0f, 0.25f};
+  const float sides[] = {1.0f, 0.5f, 3.0f};
+  for (int i = 0; i < 3; ++i) {
+    const auto material = s.add_material({.emission = glm::vec3(emissions[i])});
+    s.meshes.push_back(
+        quad("lamp", {0, static_cast<float>(i), 0}, {sides[i], 0, 0}, {0, 0, sides[i]}, material));
+  }
+  prepare(s);
+  return s;
+}
+
+TEST(SceneLights, DensityIntegratesToOne) {
+  const Scene s = three_lamps();
+  const double total = 1.0 * s.lights.pdf_area(glm::vec3(1.0f)) + 0.25 * s.lights.pdf_area(glm::vec3(5.0f)) +
+                       9.0 * s.lights.pdf_area(glm::vec3(0.25f));
+  EXPECT_NEAR(total, 1.0, 1e-6);
+}
+
+TEST(SceneLights, LampsAreDrawnInProportionToTheirPower) {
+  const Scene s = three_lamps();
+  const double power[] = {1.0, 1.25, 2.25};
+  constexpr int kDraws = 100'000;
+  int drawn[3] = {};
+  Pcg32 random(1);
+  for (int i = 0; i < kDraws; ++i) {
+    const float u = random.uniform(), v = random.uniform(), w = random.uniform();
+    const LightPoint point = s.lights.sample(u, v, w);
+    ++drawn[static_cast<int>(point.p.y + 0.5f)];
+    ASSERT_FLOAT_EQ(point.pdf_area, s.lights.pdf_area(point.emission));
+  }
+  for (int i = 0; i < 3; ++i) {
+    const double share = power[i] / 4.5;
+    EXPECT_NEAR(drawn[i], kDraws * share, 4.0 * std::sqrt(kDraws * share * (1.0 - share))) << "lamp " << i;
+  }
+}
+
+TEST(SceneLights, PointsAreUniformOnALampAndLieOnIt) {
+  const Scene s = three_lamps();
+  Pcg32 random(2);
+  int quarters[4] = {}, seen = 0;
+  while (seen < 20'000) {
+    const float u = random.uniform(), v = random.uniform(), w = random.uniform();
+    const LightPoint point = s.lights.sample(u, v, w);
+    if (point.p.y > 0.5f) continue;
+    ASSERT_TRUE(s.bounds.contains(point.p));
+    ++quarters[(point.p.x > 0.5f) + 2 * (point.p.z > 0.5f)];
+    ++seen;
+  }
+  for (const int n : quarters) EXPECT_NEAR(n, seen / 4, 4.0 * std::sqrt(seen * 0.25 * 0.75));
+}
+
+TEST(SceneLights, TheLastRandomNumberStillDrawsALamp) {
+  const Scene s = three_lamps();
+  const float last = 1.0f - 0x1p-24f;
+  EXPECT_TRUE(s.bounds.contains(s.lights.sample(last, last, last).p));
+  EXPECT_TRUE(s.bounds.contains(s.lights.sample(0.0f, 0.0f, 0.0f).p));
+}
+
+}  // namespace
+}  // namespace icbench
