@@ -63,6 +63,9 @@ hwloc_obj_t last_level_cache(hwloc_obj_t unit) {
   return found;
 }
 
+/// Stands for a cache where the system reports none.
+constexpr std::uint64_t kNoCache = ~std::uint64_t{0};
+
 /// Numbers keys 0, 1, 2 ... in order of first appearance.
 class Numbering {
  public:
@@ -75,16 +78,24 @@ class Numbering {
   std::map<std::uint64_t, unsigned> numbers_;
 };
 
-/// Ranks children within their parent, in order of first appearance.
-class RankWithin {
+/// Ranks children within their parent, in order of first appearance, and numbers the pairs.
+class Nesting {
  public:
-  unsigned operator()(unsigned parent, unsigned child) {
-    auto& children = ranks_[parent];
-    return children.emplace(child, static_cast<unsigned>(children.size())).first->second;
+  struct Place {
+    unsigned rank;    ///< of the child within its parent
+    unsigned domain;  ///< number of the pair: the parent of the next level
+  };
+  Place operator()(unsigned parent, unsigned child) {
+    auto& children = places_[parent];
+    const Place fresh{static_cast<unsigned>(children.size()), domains_};
+    const auto [at, is_new] = children.emplace(child, fresh);
+    if (is_new) ++domains_;
+    return at->second;
   }
 
  private:
-  std::map<unsigned, std::map<unsigned, unsigned>> ranks_;
+  std::map<unsigned, std::map<unsigned, Place>> places_;
+  unsigned domains_ = 0;
 };
 
 }  // namespace
@@ -143,7 +154,7 @@ void Topology::read_units() {
     u.os_index = unit->os_index;
     u.core = cores((core ? core : unit)->gp_index);
     u.smt = siblings[u.core]++;
-    u.cache = caches(cache ? cache->gp_index : (core ? core : unit)->gp_index);
+    u.cache = caches(cache ? cache->gp_index : kNoCache);
     u.numa_node = nodes(static_cast<std::uint64_t>(std::max(node, 0)));
     u.package = packages(package ? package->gp_index : 0);
     u.kind = hwloc_cpukinds_get_by_cpuset(topology, unit->cpuset, 0);
@@ -198,11 +209,15 @@ void Topology::order_units() {
     unsigned smt, core, cache, node, package, os_index;  // ranks within the next larger domain, slowest first
     auto operator<=>(const Dealt&) const = default;
   };
-  RankWithin core_rank, cache_rank, node_rank;
+  // Levels are nested by force: one NUMA node may span packages, and one cache several nodes.
+  Nesting nodes, caches, cores;
   std::vector<Dealt> dealt;
-  for (const ProcessingUnit& u : compact_)
-    dealt.push_back({u.smt, core_rank(u.cache, u.core), cache_rank(u.numa_node, u.cache),
-                     node_rank(u.package, u.numa_node), u.package, u.os_index});
+  for (const ProcessingUnit& u : compact_) {
+    const Nesting::Place node = nodes(u.package, u.numa_node);
+    const Nesting::Place cache = caches(node.domain, u.cache);
+    const Nesting::Place core = cores(cache.domain, u.core);
+    dealt.push_back({u.smt, core.rank, cache.rank, node.rank, u.package, u.os_index});
+  }
   std::sort(dealt.begin(), dealt.end());
   for (const Dealt& d : dealt) scatter_.push_back(d.os_index);
 }
