@@ -1,6 +1,8 @@
 // What the rendering tests share: estimates with their error, and passes over all tiles.
 #pragma once
 
+#include <tbb/global_control.h>
+
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -14,6 +16,10 @@
 #include "render/tiles.h"
 
 namespace icbench {
+
+// oneTBB and Embree are not built for ThreadSanitizer, which then takes memory that passes between their
+// threads for a race: these tests build every BVH in one thread.
+inline const tbb::global_control kSerialBuild(tbb::global_control::max_allowed_parallelism, 1);
 
 inline constexpr double kPi = std::numbers::pi;
 inline constexpr float kRho = 0.5f;  // albedo of white_furnace

@@ -12,6 +12,7 @@
 #include "render/camera.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"
+#include "render_support.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
 

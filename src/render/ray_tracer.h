@@ -62,8 +62,8 @@ struct RayCounts {
 /// A prepared scene and its BVH. Immutable, hence shared.
 class RayTracer {
  public:
-  /// Prepares the scene and builds the BVH in parallel. Throws std::runtime_error as prepare() does, or if
-  /// Embree fails.
+  /// Prepares the scene and builds the BVH in parallel, in the caller's oneTBB arena. Throws
+  /// std::runtime_error as prepare() does, or if Embree fails.
   explicit RayTracer(Scene scene);
   ~RayTracer();
   RayTracer(const RayTracer&) = delete;

@@ -1,7 +1,5 @@
 #include "scene/implicit_surface.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -100,10 +98,9 @@ Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bound
   const std::size_t corners = static_cast<std::size_t>(g.corners.x) * g.corners.y * g.corners.z;
 
   std::vector<float> values(corners);
-  tbb::parallel_for(0, g.corners.z, [&](int z) {
+  for (int z = 0; z < g.corners.z; ++z)
     for (int y = 0; y < g.corners.y; ++y)
       for (int x = 0; x < g.corners.x; ++x) values[g.index(x, y, z)] = f(g.position(x, y, z));
-  });
 
   Mesh mesh{std::move(name), {}, {}, {}, material};
   std::vector<std::uint32_t> vertex(corners, kNoVertex);
@@ -115,18 +112,14 @@ Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bound
           vertex[g.index(x, y, z)] = static_cast<std::uint32_t>(mesh.positions.size());
           mesh.positions.push_back(p);
         }
-  mesh.normals.resize(mesh.positions.size());
-  tbb::parallel_for(std::size_t{0}, mesh.positions.size(), [&](std::size_t i) {
-    glm::vec3& at = mesh.positions[i];
+  for (glm::vec3& at : mesh.positions) {
     const glm::vec3 slope = gradient(f, at, 0.5f * cell);
-    const float steepness = glm::dot(slope, slope);
-    if (steepness > 0.0f) {
-      const glm::vec3 step = f(at) / steepness * slope;
-      if (glm::dot(step, step) < cell * cell) at -= step;  // further off means the gradient is no guide here
-    }
-    const glm::vec3 n = gradient(f, at, 0.5f * cell);
-    mesh.normals[i] = glm::dot(n, n) > 0.0f ? glm::normalize(n) : glm::vec3(0.0f, 1.0f, 0.0f);
-  });
+    const float squared = glm::dot(slope, slope);
+    mesh.normals.push_back(squared > 0.0f ? slope / std::sqrt(squared) : glm::vec3(0.0f, 1.0f, 0.0f));
+    if (!(squared > 0.0f)) continue;
+    const glm::vec3 step = f(at) / squared * slope;
+    if (glm::dot(step, step) < cell * cell) at -= step;  // further off means the gradient is no guide here
+  }
   connect(g, values, vertex, mesh);
   return mesh;
 }

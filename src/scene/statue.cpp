@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
+#include <limits>
 
 #include "scene/implicit_surface.h"
 #include "scene/shapes.h"
@@ -82,9 +83,13 @@ float plinth(const vec3& p) {
 
 float figure(const vec3& p) {
   const vec3 q(p.x, p.y - 0.14f, p.z);
-  float d = smooth_union(torso(q), head(q), 0.10f);
-  d = smooth_union(d, drapery(q), 0.04f);
-  return smooth_union(d, plinth(p), 0.05f);
+  // A part whose surface is further away than the fillets are wide does not count.
+  float d = std::numeric_limits<float>::max();
+  if (q.y > 3.0f) d = torso(q);
+  if (q.y > 6.3f) d = smooth_union(d, head(q), 0.10f);
+  if (q.y < 5.2f) d = smooth_union(d, drapery(q), 0.04f);
+  if (q.y < 0.5f) d = smooth_union(d, plinth(p), 0.05f);
+  return d;
 }
 
 }  // namespace
