@@ -1,0 +1,56 @@
+// How much of Embree's speed is left when rays are generated, hits shaded and paths continued around it.
+#include <chrono>
+
+#include "render/gather.h"
+#include "rows/rows.h"
+#include "scene/registry.h"
+#include "workload/ray_traced_plan.h"
+
+namespace icbench {
+namespace {
+
+constexpr int kSide = 24;             // pixels a side of the image whose hits are gathered at
+constexpr std::uint32_t kRays = 256;  // a record
+
+class GatherOverBareRays : public Experiment {
+ public:
+  explicit GatherOverBareRays(const Machine& machine)
+      : rays_(make_scene("cornell_box")), tracer_(rays_), seed_(machine.seed) {
+    for (const Hit& hit : centre_hits(rays_, kSide, kSide).hits) {
+      if (reflects(rays_, hit)) points_.push_back(hit);
+    }
+    log_ = record_gather_rays(rays_, points_, strata_, seed_);
+    machine.topology.bind_this_thread(machine.topology.units().front().os_index);
+  }
+
+  Sample sample() override {
+    std::uint64_t traced = 0;
+    const double gather = seconds([&] { traced = gather_all(tracer_, points_, strata_, seed_); });
+    const double bare = seconds([&] { hits_ += rays_.bare_trace(log_); });
+    return {static_cast<double>(traced) / gather / (static_cast<double>(log_.size()) / bare)};
+  }
+
+ private:
+  template <class F>
+  static double seconds(F&& f) {
+    const auto start = std::chrono::steady_clock::now();
+    f();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  RayTracer rays_;
+  Tracer tracer_;
+  std::uint64_t seed_;
+  Strata strata_ = Strata::for_rays(kRays);
+  std::vector<Hit> points_;
+  std::vector<TracedRay> log_;
+  std::uint64_t hits_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Experiment> gather_over_bare_rays(const Machine& machine) {
+  return std::make_unique<GatherOverBareRays>(machine);
+}
+
+}  // namespace icbench

@@ -1,0 +1,47 @@
+// A row of bench/targets: one performance figure of the project, as a ratio that is measured in one run.
+//
+// Adding a figure: one file in this folder with an Experiment, one entry in rows.h.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "harness/calibrated_work.h"
+#include "harness/statistics.h"
+#include "harness/topology.h"
+
+namespace icbench {
+
+/// What experiments share.
+struct Machine {
+  const Topology& topology;
+  const Work& work;
+  std::uint64_t seed;
+
+  unsigned units() const noexcept { return static_cast<unsigned>(topology.units().size()); }
+};
+
+/// One sample of a row: a ratio, or the reason why this one does not count.
+struct Sample {
+  double ratio = 0.0;
+  std::string not_usable{};  ///< empty if the sample counts
+};
+
+/// A prepared measurement. Each sample measures both sides of the ratio, one right after the other.
+class Experiment {
+ public:
+  virtual ~Experiment() = default;
+  virtual Sample sample() = 0;
+};
+
+struct Row {
+  std::string_view name;
+  std::string_view what;  ///< what is divided by what
+  Relation relation;
+  double target;
+  std::unique_ptr<Experiment> (*make)(const Machine&);
+};
+
+}  // namespace icbench

@@ -1,0 +1,166 @@
+// Every performance figure of the project, as a ratio from one run, with its verdict.
+//
+// A row is sampled until its 95 % interval lies on one side of the target, or its time is up: then it is
+// undecided. Exit status: 0 no row failed, 1 a row failed, 2 bad usage.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <thread>
+#include <vector>
+
+#include "core/names.h"
+#include "image/file.h"
+#include "rows/rows.h"
+
+namespace icbench {
+namespace {
+
+struct Options {
+  std::string json, rows;
+  double seconds = 30.0;
+  std::uint64_t seed = 1;
+};
+
+constexpr std::size_t kMinimum = 11;  // samples before a verdict
+constexpr std::size_t kMaximum = 2000;
+constexpr std::size_t kHopeless = 11;  // unusable samples, none usable, after which a row is skipped
+
+struct Measured {
+  std::vector<double> ratios;
+  Interval interval;
+  std::string verdict;
+  std::string why;
+};
+
+Measured measure(const Row& row, const Machine& machine, double seconds) {
+  using Clock = std::chrono::steady_clock;
+  const auto experiment = row.make(machine);
+  experiment->sample();  // cold
+  Measured out;
+  std::string unusable;
+  std::size_t skipped = 0;
+  Verdict verdict = Verdict::undecided;
+  for (const auto start = Clock::now(); out.ratios.size() < kMaximum;) {
+    const Sample sample = experiment->sample();
+    if (sample.not_usable.empty()) {
+      out.ratios.push_back(sample.ratio);
+    } else {
+      unusable = sample.not_usable;
+      ++skipped;
+    }
+    if (out.ratios.size() >= kMinimum) {
+      out.interval = bootstrap_median(out.ratios, machine.seed);
+      verdict = decide(out.interval, row.relation, row.target);
+      if (verdict != Verdict::undecided) break;
+    }
+    const bool time_up = std::chrono::duration<double>(Clock::now() - start).count() > seconds;
+    if (out.ratios.empty() ? skipped >= kHopeless || time_up : time_up) break;
+  }
+  out.verdict = to_string(verdict);
+  if (out.ratios.size() < kMinimum && skipped > 0) {
+    out.verdict = "skipped";
+    out.why = unusable;
+  } else if (verdict == Verdict::undecided) {
+    out.why = fmt::format("the interval still holds the target after {:.0f} s", seconds);
+  } else if (skipped > 0) {
+    out.why = fmt::format("{} further samples did not count: {}", skipped, unusable);
+  }
+  return out;
+}
+
+nlohmann::ordered_json to_json(const Row& row, const Measured& m) {
+  nlohmann::ordered_json j = {
+      {"name", row.name}, {"what", row.what}, {"relation", to_string(row.relation)}, {"target", row.target}};
+  if (m.ratios.size() >= kMinimum) {
+    j["median"] = median(m.ratios);
+    j["low"] = m.interval.low;
+    j["high"] = m.interval.high;
+  } else {
+    j["median"] = j["low"] = j["high"] = nullptr;
+  }
+  j["samples"] = m.ratios.size();
+  j["verdict"] = m.verdict;
+  j["why"] = m.why;
+  return j;
+}
+
+std::vector<const Row*> rows_of(const std::string& list) {
+  std::vector<const Row*> out;
+  std::vector<std::string_view> known;
+  for (const Row& row : kRows) {
+    known.push_back(row.name);
+    if (list.empty()) out.push_back(&row);
+  }
+  for (std::size_t begin = 0; !list.empty() && begin <= list.size();) {
+    const std::size_t end = std::min(list.find(',', begin), list.size());
+    const std::string_view name = std::string_view(list).substr(begin, end - begin);
+    const auto at =
+        std::find_if(kRows.begin(), kRows.end(), [&](const Row& row) { return row.name == name; });
+    if (at == kRows.end()) throw std::runtime_error(unknown_name("row", name, known));
+    out.push_back(&*at);
+    begin = end + 1;
+  }
+  return out;
+}
+
+int run(const Options& o) {
+  const std::vector<const Row*> rows = rows_of(o.rows);
+  const Topology topology = Topology::of_this_process();
+  const Work work = Work::calibrate();
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  bool failed = false;
+  fmt::print("{:<30} {:<16} {:>8} {:>19}  {:>7}  {}\n", "row", "target", "median", "95 % interval", "samples",
+             "verdict");
+  for (const Row* row : rows) {
+    // A thread of its own for each row: some pin themselves.
+    Measured m;
+    std::exception_ptr error;
+    std::thread([&] {
+      try {
+        m = measure(*row, {topology, work, o.seed}, o.seconds);
+      } catch (...) {
+        error = std::current_exception();
+      }
+    }).join();
+    if (error) std::rethrow_exception(error);
+    json.push_back(to_json(*row, m));
+    failed |= m.verdict == "fail";
+    const std::string target =
+        fmt::format("{} {}", row->relation == Relation::at_most ? "at most" : "at least", row->target);
+    const std::string figures =
+        m.ratios.size() < kMinimum
+            ? fmt::format("{:>8} {:>19}", "-", "-")
+            : fmt::format("{:>8.3f} {:>19}", median(m.ratios),
+                          fmt::format("[{:.3f}, {:.3f}]", m.interval.low, m.interval.high));
+    fmt::print("{:<30} {:<16} {}  {:>7}  {}{}\n", row->name, target, figures, m.ratios.size(), m.verdict,
+               m.why.empty() ? "" : ": " + m.why);
+    std::fflush(stdout);
+    if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  }
+  return failed ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace icbench
+
+int main(int argc, char** argv) {
+  icbench::Options o;
+  CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
+  app.add_option("--json", o.json, "Also write the rows to this file");
+  app.add_option("--rows", o.rows, "Only these rows, separated by commas");
+  app.add_option("--seconds", o.seconds, "Time for a row that stays undecided")
+      ->check(CLI::Range(1.0, 1e5))
+      ->capture_default_str();
+  app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    return icbench::run(o);
+  } catch (const CLI::Success& e) {
+    return app.exit(e);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "targets: {}\n", e.what());
+    return 2;
+  }
+}
