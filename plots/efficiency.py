@@ -28,11 +28,9 @@ def build(setup: Setup) -> Built:
         raise Omitted("no repetitions could be paired with those of the lowest thread count")
     table = summarise(ratios, [*kGroupKeys, "base_threads"], "ratio")
     table = with_oversubscription(table, rows)
-
-    def ideal(axes, panel, part, layout):
-        axes.axhline(100, color="#555555", linewidth=0.6, zorder=1.5)
     plates, notes = line_plates(setup, table, groups_of(setup, rows), "parallel efficiency, %", logarithmic=False,
-                                scale=100, extra=ideal, footnote="Ratios are paired by repetition.")
+                                scale=100, extra=lambda axes: axes.axhline(100, color="#555555", linewidth=0.6, zorder=1.5),
+                                footnote="Ratios are paired by repetition.")
     bases = sorted(table["base_threads"].unique())
     if bases != [1]:
         notes.append(f"the base of some caches is not one thread but {', '.join(str(int(b)) for b in bases if b > 1)}")

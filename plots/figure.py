@@ -31,6 +31,7 @@ class Omitted(Exception):
 class Panel:
     title: str
     draw: Callable[[matplotlib.axes.Axes, Layout], None]
+    subtitle: str = ""
 
 
 @dataclass
@@ -83,7 +84,9 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     cell_width = (width - outer_left - right) / columns
     wrap = max(12, int((cell_width - plate.left[which]) / (point * 0.49)))
     titles = [textwrap.wrap(p.title, wrap)[:2] or [""] for p in plate.panels]
-    title_height = point * (0.9 + 1.2 * max(len(t) for t in titles))
+    subtitles = [textwrap.wrap(p.subtitle, int(wrap * 1.15))[:2] for p in plate.panels]
+    under = point * 1.12 * max(len(s) for s in subtitles)
+    title_height = point * (0.9 + 1.2 * max(len(t) for t in titles)) + under
     height = plate.heights[which] if len(plate.panels) > columns or not layout.small else plate.heights[which] * 1.35
     cell_height = title_height + height + point * 1.9
     handles = plate.handles(layout)
@@ -96,20 +99,22 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     fit = max(1, int((layout.max_height - top - bottom) / cell_height)) if math.isfinite(layout.max_height) else 10**9
     pages = []
     for start in range(0, len(plate.panels), fit * columns):
-        chosen = list(zip(plate.panels, titles))[start:start + fit * columns]
+        chosen = list(zip(plate.panels, titles, subtitles))[start:start + fit * columns]
         rows = math.ceil(len(chosen) / columns)
         total = top + rows * cell_height + bottom
         canvas = Canvas(figsize=(width, total))
         canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, plate.title, va="top", fontweight="bold",
                     fontsize=layout.font * 1.06)
-        for index, (panel, title) in enumerate(chosen):
+        for index, (panel, title, subtitle) in enumerate(chosen):
             row, column = divmod(index, columns)
             x = outer_left + column * cell_width + plate.left[which]
             y = total - top - row * cell_height - title_height - height
             axes = canvas.add_axes([x / width, y / total,
                                     (cell_width - plate.left[which] - gap_x) / width, height / total])
             panel.draw(axes, layout)
-            axes.set_title("\n".join(title), linespacing=1.1)
+            axes.set_title("\n".join(title), linespacing=1.1, pad=(under + point * 0.45) * 72)
+            axes.text(0, 1 + point * 0.35 / height, "\n".join(subtitle), transform=axes.transAxes, va="bottom",
+                      fontsize=layout.font * 0.86, color="#666666", linespacing=1.15)
         middle = (total - top - rows * cell_height + total - top) / 2 / total
         canvas.text(point * 0.35 / width, middle, plate.y_label, rotation=90, va="center", ha="left")
         canvas.text((outer_left + plate.left[which] + width - right) / 2 / width,

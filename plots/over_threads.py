@@ -151,7 +151,7 @@ def topology_handles(setup: Setup, rows: pd.DataFrame) -> list:
     handles = [Line2D([], [], color="#8a8a8a", linewidth=0.8, linestyle=kBoundaryLines.get(kind, "-"),
                       label=f"{kBoundaryNames.get(kind, kind)} boundary") for kind in kinds]
     if rows["oversubscribed"].any():
-        handles.append(Patch(color=kShade, label="more threads than processing units"))
+        handles.append(Patch(color=kShade, label="oversubscribed"))
     return handles
 
 
@@ -221,10 +221,10 @@ def _value_axis(axis, values, logarithmic: bool, most: int) -> None:
 
 
 def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label: str, *, logarithmic: bool,
-                scale: float = 1.0, extra=None, footnote: str = "") -> tuple[list[Plate], list[str]]:
+                scale: float = 1.0, extra=None, subtitle=None, footnote: str = "") -> tuple[list[Plate], list[str]]:
     """The plates of a metric over threads. `table` is a summary by kGroupKeys with `oversubscribed`.
 
-    `extra(axes, panel, part, layout)` may add to a panel. Zeros cannot stand on a logarithmic axis: they are left out
+    `extra(axes)` may add to a panel, `subtitle(panel, part)` says more under its title. Zeros cannot stand on a logarithmic axis: they are left out
     of the drawing there and counted in the notes.
     """
     notes, plates = [], []
@@ -245,8 +245,9 @@ def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label:
         counts = sorted(drawn["threads"].unique())
 
         def panel(title, drawn=drawn, counts=counts):
+            part = drawn[drawn["panel"] == title]
+
             def draw(axes, layout):
-                part = drawn[drawn["panel"] == title]
                 if single:
                     return _draw_dots(axes, part, layout, scale, logarithmic)
                 thread_axis(axes, counts, layout)
@@ -255,8 +256,8 @@ def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label:
                 draw_topology(axes, setup, drawn)
                 draw_lines(axes, part, layout, scale)
                 if extra:
-                    extra(axes, title, part, layout)
-            return Panel(title, draw)
+                    extra(axes)
+            return Panel(title, draw, subtitle(title, part) if subtitle else "")
         caches = style.cache_order(drawn["cache"])
         text = " ".join(t for t in (interval_note(drawn), footnote) if t)
         if single:

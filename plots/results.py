@@ -204,6 +204,9 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     counted = rows.groupby(["name", "cache", "workload", "threads", "placement"]).cumcount()
     rows["repetition_index"] = rows["repetition_index"].fillna(counted).astype(int)
     rows["run"] = run
+    # One cell may be measured by two parts of a run (sweep and pareto); `take` tells their repetitions apart.
+    rows["take"] = rows.groupby(["cache", "workload", "threads", "placement", "spp", "repetition_index"],
+                                dropna=False).cumcount()
     return rows
 
 
@@ -337,7 +340,7 @@ def summarise(rows: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
     return out.assign(n=sizes, **result)
 
 
-kPairKeys = ["run", "repetition_index"]
+kPairKeys = ["run", "repetition_index", "take"]
 
 
 def paired(rows: pd.DataFrame, base: pd.DataFrame, on: list[str], value: str) -> pd.DataFrame:

@@ -106,10 +106,10 @@ def _rivals(table: pd.DataFrame, part: pd.DataFrame) -> pd.DataFrame:
 
 def _handles(names: list[str], layout: style.Layout, floor: bool) -> list:
     made = [Line2D([], [], **style.line_options(name, layout)) for name in names]
-    made.append(Line2D([], [], color="#c9c2b4", linewidth=layout.line * 3.2, label="Pareto front: nothing drawn beats it"))
+    made.append(Line2D([], [], color="#c9c2b4", linewidth=layout.line * 3.2, label="Pareto front"))
     if floor:
         made.append(Patch(facecolor="#eeeeee", edgecolor=kFloor, hatch="////", linewidth=0.6,
-                          label="below the reference's own error"))
+                          label="reference's own error"))
     return made
 
 

@@ -43,19 +43,15 @@ def build(setup: Setup) -> Built:
         tables.append(summarise(ratios, kGroupKeys, "ratio").assign(
             base_cache=cache, base_threads=threads, base_operations_per_second=absolute["median"],
             base_low=absolute["low"], base_high=absolute["high"]))
-        captions[structure, panel] = (f"1 = {cache}, {style.threads_text(threads)}\n"
+        captions[structure, panel] = (f"1 = {cache}, {style.threads_text(threads)}: "
                                       f"{style.number(absolute['median'] * 1e-6)} M operations/s")
     if not tables:
         raise Omitted("no workload has repetitions at two thread counts that could be paired")
     table = with_oversubscription(pd.concat(tables, ignore_index=True), rows)
 
-    def name_base(axes, panel, part, layout):
-        axes.text(0.03, 0.98, captions[part["structure"].iloc[0], panel], transform=axes.transAxes, va="top",
-                  fontsize=layout.font * 0.82, color="#555555", linespacing=1.15, zorder=4,
-                  bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8})
-        axes.axhline(1, color="#555555", linewidth=0.6, zorder=1.5)
     groups = groups_of(setup, rows, across=rows.groupby("structure")["cache"].nunique().max() == 1)
-    plates, notes = line_plates(setup, table, groups, "speed-up", logarithmic=True, extra=name_base,
+    plates, notes = line_plates(setup, table, groups, "speed-up", logarithmic=True, subtitle=lambda panel, part: captions[part["structure"].iloc[0], panel],
+                                extra=lambda axes: axes.axhline(1, color="#555555", linewidth=0.6, zorder=1.5),
                                 footnote="Ratios are paired by repetition.")
     if left_out:
         notes.append(f"{left_out} workloads were measured at one thread count only and have no speed-up")

@@ -35,7 +35,7 @@ kCacheStyles = {
     "path": CacheStyle(kBlack, "p", kDashed),
     "brute_force": CacheStyle(kBlack, "x", kDotted),
     "sequential": CacheStyle(kBlack, "*", kSolid),
-    "frozen": CacheStyle(kGrey, "h", kDashed),
+    "frozen": CacheStyle(kGrey, "^", kDashed),
     "global_mutex": CacheStyle(kVermilion, "v", kSolid),
     "global_spin": CacheStyle(kOrange, "D", kSolid),
     "queuing_mutex": CacheStyle(kOrange, "<", kDashed),
@@ -46,8 +46,8 @@ kCacheStyles = {
     "local_write": CacheStyle(kGreen, "^", kSolid),
     "wait_free": CacheStyle(kBlue, "o", kSolid),
     "wait_free_snapshot": CacheStyle(kSky, "s", kSolid),
-    "tbb_hash_grid": CacheStyle(kGreen, "H", kDashed),
-    "append_log": CacheStyle(kSky, "8", kDashed),
+    "tbb_hash_grid": CacheStyle(kGreen, "s", kDashed),
+    "append_log": CacheStyle(kSky, "D", kDashed),
 }
 # What a cell of the contention map has room for.
 kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue", "shared_mutex": "shared",
@@ -198,8 +198,10 @@ def log_axis(axis, values, text=None, most: int = 6) -> None:
 
 def number_tick(value: float) -> str:
     """A tick label as short as it can be."""
-    if value and not 1e-4 < abs(value) < 1e5:
-        return f"$10^{{{math.log10(value):.0f}}}$" if math.log10(abs(value)).is_integer() else f"{value:.0e}"
+    if value and not 1.5e-4 < abs(value) < 1e5:
+        exponent = math.floor(math.log10(abs(value)) + 1e-9)
+        factor = value / 10.0**exponent
+        return f"$10^{{{exponent}}}$" if abs(factor - 1) < 1e-6 else rf"${factor:g}\cdot10^{{{exponent}}}$"
     return f"{value:g}"
 
 

@@ -129,6 +129,7 @@ def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", 
                             row["seconds_indirect"] = ((rays * 0.02 / a**1.4 + 40e6 / cache["speed"]) / units * slow
                                                        * row["real_time"] / model_row(cache, workload, count, 0, 0.0)["real_time"])
                             row["relmse"] = (0.004 * a**2 + 0.03 / rays * a + 2e-5) * (1 + 0.02 * repetition)
+                            row["name"] = row["name"].replace("sweep/", "pareto/")
                             row["rmse"], row["mean_ratio"] = row["relmse"] ** 0.5, 0.99
                             rows.append(row)
                 for spp in (1, 4, 16, 64, 256):
