@@ -42,7 +42,7 @@ FIGURE = Figure(
     "The throughput of N threads divided by N times that of one thread of the same cache: 100 % means that every "
     "added thread brings its full share. Past the number of processing units the divisor stays at that number, since "
     "no more work can be done at once. Two hardware threads of one core share its units, so a drop at an SMT boundary "
-    "is the processor's doing; a drop before it is the cache's.",
+    "is the processor's doing; a drop before it comes from the cache or from memory.",
     build)
 
 if __name__ == "__main__":

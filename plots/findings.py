@@ -113,7 +113,8 @@ def place(setup: Setup, threads: int) -> str:
     cores = setup.cores
     if not cores or threads == cores:
         return f"{style.threads_text(threads)}{' (all cores)' if cores else ''}"
-    return f"{style.threads_text(threads)} ({round(threads / cores, 2):g} a core)"
+    return (f"{style.threads_text(threads)} "
+            + (f"({round(threads / cores, 2):g} a core)" if threads > cores else f"(of {cores} cores)"))
 
 
 def of_throughput(setup: Setup, structure: str, threads: int) -> Finding | None:
@@ -172,9 +173,10 @@ def of_break_even(setup: Setup, structure: str, threads: int) -> Finding | None:
     at_least = f"{style.interval(cheapest['median'], cheapest['low'], cheapest['high'], '×')} at {style.number(costs[0])} µs"
     if sure == len(verdicts):
         last = line.iloc[-1]
+        still = (f", still {style.interval(last['median'], last['low'], last['high'], '×')} at {style.number(costs[-1])} µs"
+                 if len(costs) > 1 else "")
         return Finding(title, f"> {style.number(costs[-1])} µs",
-                       f"{cache} is faster than the best lock on {structure} at every cost measured: {at_least}, still "
-                       f"{style.interval(last['median'], last['low'], last['high'], '×')} at {style.number(costs[-1])} µs.",
+                       f"{cache} is faster than the best lock on {structure} at every cost measured: {at_least}{still}.",
                        base)
     slower = next((c for c, v in zip(costs, verdicts) if v == "slower"), None)
     if sure == 0:

@@ -26,6 +26,7 @@ from results import InputError, Setup, load, summarise
 
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kTableColumns = 6        # thread counts a table shows
+kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 
 
@@ -66,9 +67,11 @@ def _summary(setup: Setup) -> str:
     span = f"{repetitions.min()}" if repetitions.min() == repetitions.max() else \
         f"{repetitions.min()} to {repetitions.max()}"
     kinds = ", ".join(dict.fromkeys(k.replace("_", " ") for k in rows["workload_kind"] if k))
-    what = (f"{cached['cache'].nunique()} caches on {cached['structure'].nunique()} structures; "
-            f"{rows['workload'].nunique()} workloads ({kinds}); {', '.join(style.thread_label(t) for t in counts)} "
-            f"threads; {span} repetitions a cell, {len(rows):,} trials in all")
+    what = (f"{style.plural(cached['cache'].nunique(), 'cache')} on "
+            f"{style.plural(cached['structure'].nunique(), 'structure')}; "
+            f"{style.plural(rows['workload'].nunique(), 'workload')} ({kinds}); threads: "
+            f"{', '.join(style.thread_label(t) for t in counts)}; repetitions a cell: {span}; "
+            f"{style.plural(len(rows), 'trial')} in all")
     parts = [context.get("cpu") or context.get("cpu_model")]
     for key, name in (("packages", "socket"), ("cores", "core"), ("num_cpus", "processing unit")):
         if context.get(key) is not None:
@@ -246,8 +249,12 @@ def _environment(setup: Setup, command: str) -> str:
 
 
 def _figure(number: int, done: Written) -> str:
-    plates = [f'<figure><img src="{_data_uri("image/svg+xml", _svg(path))}" '
-              f'alt="{text(done.figure.title)}, {text(title)}"></figure>' for title, path in done.plates]
+    plates = []
+    for title, path in done.plates:
+        drawing = _svg(path)
+        width = float(re.search(rb'width="([0-9.]+)pt"', drawing)[1]) * kPixelsPerPoint
+        plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
+                      f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
     notes = "".join(f'<p class="note">{text(note[0].upper() + note[1:])}.</p>' for note in done.notes)
     folder = done.pdf.parent.name
     first, *others = plates
@@ -273,7 +280,7 @@ def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool
     ids = {a: f"{prefix}{a}" for a in anchors}
     pictures = _pictures(setup)
     count = len(warnings(setup))
-    links = [("warnings", f"{count} warning{'s' * (count != 1)}"), ("leaders", "Best mechanisms"),
+    links = [("warnings", style.plural(count, "warning")), ("leaders", "Best mechanisms"),
              ("figures", "Figures"), ("tables", "Tables"), ("environment", "Environment")]
     links += [("pictures", "Scenes")] if pictures else []
     nav = "".join(f'<a href="#{ids[a]}">{label}</a>' for a, label in links)

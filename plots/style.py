@@ -158,9 +158,13 @@ def duration(seconds: float) -> str:
     return f"{number(seconds * 1e9)} ns"
 
 
+def plural(count: int, word: str) -> str:
+    """"1 cache", "8 caches"."""
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
 def threads_text(threads: int) -> str:
-    """"1 thread", "8 threads"."""
-    return f"{threads} thread" if threads == 1 else f"{threads} threads"
+    return plural(threads, "thread")
 
 
 def thread_label(threads: float) -> str:
