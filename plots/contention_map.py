@@ -2,6 +2,7 @@
 """Contention map: where going without locks pays, over threads and the cost of a record."""
 import math
 import sys
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -14,8 +15,9 @@ from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import cache_rows
 from results import Setup, is_lock, is_wait_free, kMinRepetitions, paired, summarise, workload_label
 
-kColours = LinearSegmentedColormap.from_list("locks to wait-free", ["#B04A00", "#F2B183", "#FAFAFA", "#7DB7DF", "#00568A"])
-kTopRatio = 4.0  # the colour scale ends here at the latest, so that one extreme cell does not bleach the others
+kColours = LinearSegmentedColormap.from_list("locks to wait-free",
+                                             ["#B04A00", "#F2B183", "#FAFAFA", "#7DB7DF", "#00568A"])
+kTopRatio = 4.0  # the colour scale ends here at the latest: one extreme cell must not bleach the others
 
 
 def _without_cost(workload: str) -> str:
@@ -25,8 +27,9 @@ def _without_cost(workload: str) -> str:
 def ratios(setup: Setup) -> pd.DataFrame:
     """One line per structure, wait-free cache, workload, threads and record cost: the ratio to the best lock.
 
-    Speed is queries answered per second, so that redundant inserts do not count as work. The best lock is the one of
-    the highest median speed in that very cell; picking it after the fact favours the locks, never the other side.
+    Speed is queries answered per second, so that redundant inserts do not count as work. The best lock is the
+    one of the highest median speed in that very cell; picking it after the fact favours the locks, never the
+    other side.
     """
     rows = cache_rows(setup)
     rows = rows[(rows["workload_kind"] == "miss_driven") & rows["record_cost_us"].notna()].copy()
@@ -81,19 +84,21 @@ def build(setup: Setup) -> Built:
     span = min(kTopRatio, max(1.2, float(np.exp(np.abs(np.log(table["median"]))).max())))
     several = table["placement"].nunique() > 1
     panels = []
-    for (structure, cache, family, placement), part in table.groupby(["structure", "cache", "family", "placement"]):
+    keys = ["structure", "cache", "family", "placement"]
+    for (structure, cache, family, placement), part in table.groupby(keys):
         words = [f"{cache} over the best lock, {structure.replace('_', ' ')}", workload_label(family)]
         panels.append(Panel(", ".join(words + [placement] * several),
-                            lambda axes, layout, part=part: _draw(axes, layout, part, span)))
+                            partial(_draw, part=part, span=span)))
     few = (table["n"] < kMinRepetitions).sum()
     foot = ("A number in grey: undecided, its 95 % interval holds 1." if not few else
-            f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions, so no interval: undecided, grey.")
+            f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions, so no interval: "
+            "undecided, grey.")
     high, wide = table["threads"].nunique(), table["record_cost_us"].nunique()
     columns = (3 if wide <= 4 else 2, 1)
     heights = (max(0.9, 0.34 * high), max(0.7, 0.27 * high))
-    plate = Plate("map", f"speed of wait-free over the best locked cache (colours end at {style.number(span, 2)}×)",
-                  panels, lambda layout: _handles(), "cost of a record, µs", "threads", foot, columns, heights,
-                  (0.34, 0.24))
+    title = f"speed of wait-free over the best locked cache (colours end at {style.number(span, 2)}×)"
+    plate = Plate("map", title, panels, lambda layout: _handles(), "cost of a record, µs", "threads", foot,
+                  columns, heights, (0.34, 0.24))
     notes = [f"{few} cells have fewer than {kMinRepetitions} repetitions and so no interval"] if few else []
     return Built(table, [plate], notes)
 
@@ -105,7 +110,8 @@ def _handles() -> list:
 
 
 def _draw(axes, layout: style.Layout, part: pd.DataFrame, span: float) -> None:
-    grid = part.pivot(index="threads", columns="record_cost_us", values="median").sort_index(axis=0).sort_index(axis=1)
+    grid = part.pivot(index="threads", columns="record_cost_us", values="median")
+    grid = grid.sort_index(axis=0).sort_index(axis=1)
     logs = np.log(grid.to_numpy(float)) / math.log(span)
     axes.imshow(np.ma.masked_invalid(logs), cmap=kColours, vmin=-1, vmax=1, aspect="auto", origin="lower",
                 interpolation="nearest")
@@ -147,11 +153,12 @@ def _draw_break_even(axes, logs: np.ndarray) -> None:
 
 FIGURE = Figure(
     "contention_map", "Contention map: where wait-free access pays",
-    "Threads upwards, the cost of computing one record to the right. The number in a cell says how many times faster "
-    "the wait-free cache answers queries than the best locked cache on the same structure, and below it stands which "
-    "lock that was. Blue: wait-free is faster; orange: the lock is. The black line is break-even, at a ratio of 1. "
-    "The dearer a record is, the less time the threads spend in the cache at all, and the closer the two come. Real "
-    "records cost from a few microseconds (few rays) to milliseconds (a film's).",
+    "Threads upwards, the cost of computing one record to the right. The number in a cell says how many "
+    "times faster the wait-free cache answers queries than the best locked cache on the same structure, and "
+    "below it stands which lock that was. Blue: wait-free is faster; orange: the lock is. The black line is "
+    "break-even, at a ratio of 1. The dearer a record is, the less time the threads spend in the cache at "
+    "all, and the closer the two come. Real records cost from a few microseconds (few rays) to milliseconds "
+    "(a film's).",
     build)
 
 if __name__ == "__main__":

@@ -28,21 +28,23 @@ def build(setup: Setup) -> Built:
         raise Omitted("no repetitions could be paired with those of the lowest thread count")
     table = summarise(ratios, [*kGroupKeys, "base_threads"], "ratio")
     table = with_oversubscription(table, rows)
-    plates, notes = line_plates(setup, table, groups_of(setup, rows), "parallel efficiency, %", logarithmic=False,
-                                scale=100, extra=lambda axes: axes.axhline(100, color="#555555", linewidth=0.6, zorder=1.5),
-                                footnote="Ratios are paired by repetition.")
+    plates, notes = line_plates(
+        setup, table, groups_of(setup, rows), "parallel efficiency, %", logarithmic=False, scale=100,
+        extra=lambda axes: axes.axhline(100, color="#555555", linewidth=0.6, zorder=1.5),
+        footnote="Ratios are paired by repetition.")
     bases = sorted(table["base_threads"].unique())
     if bases != [1]:
-        notes.append(f"the base of some caches is not one thread but {', '.join(str(int(b)) for b in bases if b > 1)}")
+        notes.append("the base of some caches is not one thread but "
+                     f"{', '.join(str(int(b)) for b in bases if b > 1)}")
     return Built(table, plates, notes)
 
 
 FIGURE = Figure(
     "efficiency", "Parallel efficiency",
-    "The throughput of N threads divided by N times that of one thread of the same cache: 100 % means that every "
-    "added thread brings its full share. Past the number of processing units the divisor stays at that number, since "
-    "no more work can be done at once. Two hardware threads of one core share its units, so a drop at an SMT boundary "
-    "is the processor's doing; a drop before it comes from the cache or from memory.",
+    "The throughput of N threads divided by N times that of one thread of the same cache: 100 % means that "
+    "every added thread brings its full share. Past the number of processing units the divisor stays at that "
+    "number, since no more work can be done at once. Two hardware threads of one core share its units, so a "
+    "drop at an SMT boundary is the processor's doing; a drop before it comes from the cache or from memory.",
     build)
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What a figure is, and how it becomes files: SVG for the report, a one-column PDF for a paper, its data as CSV.
+"""What a figure is, and how it becomes files: SVG for the report, one-column PDF for a paper, data as CSV.
 
 A figure script defines one Figure and calls `main(FIGURE)`; figures.py lists them all.
 """
@@ -87,7 +87,9 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     subtitles = [textwrap.wrap(p.subtitle, int(wrap * 1.15))[:2] for p in plate.panels]
     under = point * 1.12 * max(len(s) for s in subtitles)
     title_height = point * (0.9 + 1.2 * max(len(t) for t in titles)) + under
-    height = plate.heights[which] if len(plate.panels) > columns or not layout.small else plate.heights[which] * 1.35
+    height = plate.heights[which]
+    if layout.small and len(plate.panels) <= columns:
+        height *= 1.35
     cell_height = title_height + height + point * 1.9
     handles = plate.handles(layout)
     # Characters are about half as wide as high; a handle takes three characters and its padding.
@@ -96,14 +98,17 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     legend_height = math.ceil(len(handles) / legend_columns) * point * 1.45 + point * 0.6 if handles else 0.0
     foot = textwrap.wrap(plate.footnote, max(20, int(width / (point * 0.46)))) if plate.footnote else []
     top, bottom = point * 1.9, point * 1.8 + legend_height + len(foot) * point * 1.25
-    fit = max(1, int((layout.max_height - top - bottom) / cell_height)) if math.isfinite(layout.max_height) else 10**9
+    fit = len(plate.panels)  # rows a page holds
+    if math.isfinite(layout.max_height):
+        fit = max(1, int((layout.max_height - top - bottom) / cell_height))
     pages = []
     for start in range(0, len(plate.panels), fit * columns):
         chosen = list(zip(plate.panels, titles, subtitles))[start:start + fit * columns]
         rows = math.ceil(len(chosen) / columns)
         total = top + rows * cell_height + bottom
         canvas = Canvas(figsize=(width, total))
-        canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, plate.title, va="top", fontweight="bold",
+        canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, plate.title, va="top",
+                    fontweight="bold",
                     fontsize=layout.font * 1.06)
         for index, (panel, title, subtitle) in enumerate(chosen):
             row, column = divmod(index, columns)
@@ -113,7 +118,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
                                     (cell_width - plate.left[which] - gap_x) / width, height / total])
             panel.draw(axes, layout)
             axes.set_title("\n".join(title), linespacing=1.1, pad=(under + point * 0.45) * 72)
-            axes.text(0, 1 + point * 0.35 / height, "\n".join(subtitle), transform=axes.transAxes, va="bottom",
+            axes.text(0, 1 + point * 0.35 / height, "\n".join(subtitle), transform=axes.transAxes,
+                      va="bottom",
                       fontsize=layout.font * 0.86, color="#666666", linespacing=1.15)
         middle = (total - top - rows * cell_height + total - top) / 2 / total
         canvas.text(point * 0.35 / width, middle, plate.y_label, rotation=90, va="center", ha="left")
@@ -131,7 +137,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
 
 
 def write(figure: Figure, setup: Setup, folder: Path) -> Written:
-    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg into `folder`."""
+    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`."""
     built = figure.build(setup)
     folder.mkdir(parents=True, exist_ok=True)
     csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"
@@ -144,7 +150,8 @@ def write(figure: Figure, setup: Setup, folder: Path) -> Written:
                     pages.savefig(canvas)
     with matplotlib.rc_context(style.settings(kReport)):
         for plate in built.plates:
-            path = folder / (f"{figure.name}.svg" if len(built.plates) == 1 else f"{figure.name}-{plate.slug}.svg")
+            path = folder / (f"{figure.name}.svg" if len(built.plates) == 1
+                             else f"{figure.name}-{plate.slug}.svg")
             compose(plate, kReport)[0].savefig(path, metadata={"Date": None})
             images.append((plate.title, path))
     return Written(figure, images, pdf, csv, built.notes)
@@ -159,9 +166,11 @@ class OneLineParser(argparse.ArgumentParser):
 
 def parser(description: str) -> OneLineParser:
     made = OneLineParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    made.add_argument("results", nargs="+", metavar="RESULTS", type=Path, help="results.json of icbench; files of one "
+    made.add_argument("results", nargs="+", metavar="RESULTS", type=Path,
+                      help="results.json of icbench; files of one "
                       "machine and build are pooled, others get a set of figures of their own")
-    made.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: beside the first RESULTS)")
+    made.add_argument("--out", type=Path, metavar="DIR",
+                      help="where the files go (default: beside the first RESULTS)")
     return made
 
 

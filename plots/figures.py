@@ -1,4 +1,4 @@
-"""The figures of the report, in the order in which it shows them. A new figure is one file and one entry here."""
+"""The figures of the report, in its order. A new figure is one file and one entry here."""
 import cas_failures
 import contention_map
 import efficiency

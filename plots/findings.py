@@ -1,4 +1,4 @@
-"""What the results say, as numbers with their interval and base; and what a reader has to be warned of.
+"""What the results say, as numbers with their interval and base.
 
 Everything here is computed from the rows; a finding that the rows do not carry is not made.
 """
@@ -15,7 +15,7 @@ import speed_error
 import style
 from figure import Omitted
 from over_threads import cache_rows, panels_of, thread_marks
-from results import (Setup, interval_of, is_lock, is_wait_free, kMinRepetitions, kNoisy, kPairKeys, paired, summarise)
+from results import Setup, interval_of, is_lock, kMinRepetitions, kPairKeys, paired
 
 
 @dataclass
@@ -43,10 +43,11 @@ def structures(setup: Setup) -> list[str]:
 
 
 def leaders(rows: pd.DataFrame, value: str, smaller: bool = False) -> pd.DataFrame:
-    """Per panel, of rows of one structure at one thread count: the best cache, the best of the other kind, their ratio.
+    """Per panel, of rows of one structure at one thread count: the best cache, the best of the other kind,
+    their ratio.
 
-    The other kind of a lock is everything without one, and the reverse. The ratio is paired by repetition and says
-    how many times better the leader is. `smaller` means that small values are the good ones.
+    The other kind of a lock is everything without one, and the reverse. The ratio is paired by repetition and
+    says how many times better the leader is. `smaller` means that small values are the good ones.
     """
     made = []
     for panel, part in rows[rows[value] > 0].groupby("panel", sort=False):
@@ -56,7 +57,8 @@ def leaders(rows: pd.DataFrame, value: str, smaller: bool = False) -> pd.DataFra
         others = [c for c in medians.index if locks[c] != locks[best]]
         absolute = interval_of(part.loc[part["cache"] == best, value])
         line = {"panel": panel, "best": best, "median": absolute[0], "low": absolute[1], "high": absolute[2],
-                "rival": others[0] if others else "", "ratio": math.nan, "ratio_low": math.nan, "ratio_high": math.nan}
+                "rival": others[0] if others else "", "ratio": math.nan, "ratio_low": math.nan,
+                "ratio_high": math.nan}
         if others:
             pairs = paired(part[part["cache"] == best], part[part["cache"] == others[0]], ["panel"], value)
             ratio = interval_of(1 / pairs["ratio"] if smaller else pairs["ratio"])
@@ -66,9 +68,11 @@ def leaders(rows: pd.DataFrame, value: str, smaller: bool = False) -> pd.DataFra
 
 
 def overall(rows: pd.DataFrame, value: str, smaller: bool = False) -> dict | None:
-    """The leader over all panels by geometric mean, against the best cache of the other kind; None if there is none.
+    """The leader over all panels by geometric mean, against the best cache of the other kind; None if there
+    is none.
 
-    Only panels that both ran count. The interval is over repetitions of the geometric mean of their paired ratios.
+    Only panels that both ran count. The interval is over repetitions of the geometric mean of their paired
+    ratios.
     """
     rows = rows[rows[value] > 0]
     medians = rows.groupby(["panel", "cache"])[value].median().unstack("cache")
@@ -90,7 +94,8 @@ def overall(rows: pd.DataFrame, value: str, smaller: bool = False) -> dict | Non
     if whole.empty:
         return None
     each = logs.groupby(pairs["panel"]).median()
-    return {"best": best, "rival": rival, "rival_is_lock": locks[rival], "ratio": interval_of(np.exp(whole["mean"])),
+    return {"best": best, "rival": rival, "rival_is_lock": locks[rival],
+            "ratio": interval_of(np.exp(whole["mean"])),
             "base": means[rival], "own": means[best], "panels": len(common),
             "least": (math.exp(each.min()), each.idxmin()), "most": (math.exp(each.max()), each.idxmax())}
 
@@ -104,8 +109,9 @@ def _interval(ratio: tuple, unit: str = "×") -> str:
 
 
 def _decided(ratio: tuple) -> str:
-    return "" if math.isfinite(ratio[1]) and ratio[1] > 1 else " Undecided: the interval does not exclude a tie." \
-        if math.isfinite(ratio[1]) else f" Fewer than {kMinRepetitions} repetitions: no interval."
+    if not math.isfinite(ratio[1]):
+        return f" Fewer than {kMinRepetitions} repetitions: no interval."
+    return "" if ratio[1] > 1 else " Undecided: the interval does not exclude a tie."
 
 
 def place(setup: Setup, threads: int) -> str:
@@ -124,13 +130,15 @@ def of_throughput(setup: Setup, structure: str, threads: int) -> Finding | None:
     lead = overall(at, "items_per_second") if not at.empty else None
     if not lead:
         return None
-    spread = f" From {style.number(lead['least'][0])}× ({lead['least'][1]}) to {style.number(lead['most'][0])}× " \
-             f"({lead['most'][1]})." if lead["panels"] > 1 else ""
+    (least, at_least), (most, at_most) = lead["least"], lead["most"]
+    spread = (f" From {style.number(least)}× ({at_least}) to {style.number(most)}× ({at_most})."
+              if lead["panels"] > 1 else "")
     what = f"geometric mean of {lead['panels']} workloads" if lead["panels"] > 1 else lead["least"][1]
     return Finding(f"Best mechanism at {place(setup, threads)}", _interval(lead["ratio"]),
-                   f"{lead['best']} over {_kind(lead)}, {lead['rival']}, on the same structure ({structure}); {what}."
-                   f"{spread}{_decided(lead['ratio'])}",
-                   f"Base: {lead['rival']} at {style.threads_text(threads)}, {style.number(lead['base'] * 1e-6)} M "
+                   f"{lead['best']} over {_kind(lead)}, {lead['rival']}, on the same structure "
+                   f"({structure}); {what}.{spread}{_decided(lead['ratio'])}",
+                   f"Base: {lead['rival']} at {style.threads_text(threads)}, "
+                   f"{style.number(lead['base'] * 1e-6)} M "
                    f"operations/s{' (the same mean)' if lead['panels'] > 1 else ''}")
 
 
@@ -145,8 +153,9 @@ def of_latency(setup: Setup, structure: str, threads: int) -> Finding | None:
     if not lead:
         return None
     return Finding(f"Slowest query in a thousand, {place(setup, threads)}", _interval(lead["ratio"]),
-                   f"shorter with {lead['best']} ({style.duration(lead['own'] * 1e-9)}) than with {_kind(lead)}, "
-                   f"{lead['rival']}; geometric mean of {lead['panels']} workloads.{_decided(lead['ratio'])}",
+                   f"shorter with {lead['best']} ({style.duration(lead['own'] * 1e-9)}) than with "
+                   f"{_kind(lead)}, {lead['rival']}; geometric mean of {lead['panels']} "
+                   f"workloads.{_decided(lead['ratio'])}",
                    f"Base: {lead['rival']}, p99.9 of a query {style.duration(lead['base'] * 1e-9)}")
 
 
@@ -168,32 +177,38 @@ def of_break_even(setup: Setup, structure: str, threads: int) -> Finding | None:
     crossing = contention_map.break_even(line)
     title = f"Break-even cost of a record, {place(setup, threads)}"
     cheapest = line.iloc[0]
-    base = (f"Base: {cheapest['best_lock']}, {style.number(cheapest['best_lock_speed'] * 1e-6)} M queries/s at "
-            f"{style.number(costs[0])} µs a record")
-    at_least = f"{style.interval(cheapest['median'], cheapest['low'], cheapest['high'], '×')} at {style.number(costs[0])} µs"
+    base = (f"Base: {cheapest['best_lock']}, {style.number(cheapest['best_lock_speed'] * 1e-6)} M queries/s "
+            f"at {style.number(costs[0])} µs a record")
+    at_least = (f"{style.interval(cheapest['median'], cheapest['low'], cheapest['high'], '×')} at "
+                f"{style.number(costs[0])} µs")
     if sure == len(verdicts):
         last = line.iloc[-1]
-        still = (f", still {style.interval(last['median'], last['low'], last['high'], '×')} at {style.number(costs[-1])} µs"
+        still = (f", still {style.interval(last['median'], last['low'], last['high'], '×')} at "
+                 f"{style.number(costs[-1])} µs"
                  if len(costs) > 1 else "")
         return Finding(title, f"> {style.number(costs[-1])} µs",
-                       f"{cache} is faster than the best lock on {structure} at every cost measured: {at_least}{still}.",
+                       f"{cache} is faster than the best lock on {structure} at every cost measured: "
+                       f"{at_least}{still}.",
                        base)
     slower = next((c for c, v in zip(costs, verdicts) if v == "slower"), None)
     if sure == 0:
-        text = f"{cache} could not be shown to be faster than the best lock on {structure} even for cheap records: {at_least}."
-        return Finding(title, "none found", text, base)
-    bound = f"[{style.number(costs[sure - 1])}, {style.number(slower) if slower is not None else '∞'}] µs"
-    value = f"≈ {style.number(crossing)} {bound}" if crossing is not None else f"> {style.number(costs[sure - 1])} µs"
-    return Finding(title, value,
-                   f"Up to {style.number(costs[sure - 1])} µs a record {cache} is faster than the best lock on {structure} "
-                   f"with its whole interval ({at_least}); " + (f"from {style.number(slower)} µs it is slower likewise."
-                   if slower is not None else "beyond, no difference could be shown."), base)
+        return Finding(title, "none found", f"{cache} could not be shown to be faster than the best lock on "
+                       f"{structure} even for cheap records: {at_least}.", base)
+    lower, upper = style.number(costs[sure - 1]), style.number(slower) if slower is not None else "∞"
+    value = f"> {lower} µs" if crossing is None else f"≈ {style.number(crossing)} [{lower}, {upper}] µs"
+    beyond = "beyond, no difference could be shown"
+    if slower is not None:
+        beyond = f"from {upper} µs it is slower likewise"
+    return Finding(title, value, f"Up to {lower} µs a record {cache} is faster than the best lock on "
+                   f"{structure} with its whole interval ({at_least}); {beyond}.", base)
 
 
 def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:
-    """relMSE of path tracing over that of a cache in the same time, at the setting nearest to the middle of both."""
+    """relMSE of path tracing over that of a cache in the same time, at the setting nearest to the middle of
+    both."""
     rows = setup.rows
     rows = rows[(rows["relmse"] > 0) & (rows["seconds_indirect"] > 0) & (rows["threads"] == threads)]
+    rows = rows[rows["placement"] == rows["placement"].min()]
     path = rows[rows["integrator"] == "path"]
     cached = rows[(rows["integrator"] != "path") & (rows["structure"] == structure)]
     scenes = [s for s in sorted(set(path["scene"]) & set(cached["scene"])) if s]
@@ -213,10 +228,12 @@ def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:
     chosen = inside.iloc[np.abs(np.log(inside["seconds"] / middle)).argmin()]
     ratios, errors = [], []
     for key, part in cached[cached["workload"] == chosen["workload"]].groupby(kPairKeys):
-        rival = path[(path["run"] == key[0]) & (path["repetition_index"] == key[1])].sort_values("seconds_indirect")
+        rival = path[(path["run"] == key[0])
+                     & (path["repetition_index"] == key[1])].sort_values("seconds_indirect")
         seconds, error = part[["seconds_indirect", "relmse"]].iloc[0]
         if len(rival) and rival["seconds_indirect"].iloc[0] <= seconds <= rival["seconds_indirect"].iloc[-1]:
-            other = math.exp(np.interp(math.log(seconds), np.log(rival["seconds_indirect"]), np.log(rival["relmse"])))
+            other = math.exp(np.interp(math.log(seconds), np.log(rival["seconds_indirect"]),
+                                       np.log(rival["relmse"])))
             ratios.append(other / error)
             errors.append(other)
     if not ratios:
@@ -224,8 +241,9 @@ def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:
     ratio = interval_of(ratios)
     setting = str(chosen["workload"]).split(":", 1)
     return Finding("Error at equal time", _interval(ratio),
-                   f"less relMSE with {cache} ({setting[1].replace(':', ', ') if len(setting) > 1 else scene}) than with "
-                   f"path tracing in the same {style.duration(chosen['seconds'])}; {scene}, "
+                   f"less relMSE with {cache} "
+                   f"({setting[1].replace(':', ', ') if len(setting) > 1 else scene}) than with path tracing "
+                   f"in the same {style.duration(chosen['seconds'])}; {scene}, "
                    f"{style.threads_text(threads)}.{_decided(ratio)}",
                    f"Base: path tracing, relMSE {style.number(interval_of(errors)[0])}; the cache has "
                    f"{style.number(chosen['relmse'])}")
@@ -236,8 +254,10 @@ def findings(setup: Setup) -> list[Finding]:
     full, beyond = thread_marks(setup, cache_rows(setup)) if not cache_rows(setup).empty else (1, None)
     made: list[Finding | None] = []
     for structure in structures(setup)[:1]:
-        made += [of_throughput(setup, structure, full), of_throughput(setup, structure, beyond) if beyond else None,
-                 of_break_even(setup, structure, full), of_latency(setup, structure, beyond or full)]
+        made.append(of_throughput(setup, structure, full))
+        if beyond:
+            made.append(of_throughput(setup, structure, beyond))
+        made += [of_break_even(setup, structure, full), of_latency(setup, structure, beyond or full)]
     errors = speed_error_structures(setup)
     marks = sorted(setup.rows.loc[setup.rows["integrator"] == "path", "threads"].unique())
     at = max((t for t in marks if t <= (setup.cores or t)), default=None)
@@ -252,69 +272,3 @@ def speed_error_structures(setup: Setup) -> list[str]:
     have = list(dict.fromkeys(rows.loc[rows["relmse"] > 0, "structure"]))
     first = [s for s in structures(setup) if s in have]
     return first + [s for s in have if s not in first]
-
-
-@dataclass
-class Warning:
-    grave: bool
-    text: str
-
-
-def _stated(context: dict, *keys):
-    return next((context[key] for key in keys if key in context), None)
-
-
-def warnings(setup: Setup) -> list[Warning]:
-    """What to keep in mind before any number is believed; the gravest first."""
-    rows, made = setup.rows, []
-    if setup.complete is False:
-        made.append(Warning(True, "The results are incomplete: the run was cut short. What is missing was never measured; "
-                                  "go on with the same command and --resume."))
-    elif setup.complete is None:
-        made.append(Warning(False, "The results do not say whether the run was complete."))
-    contexts = setup.contexts
-    for context in contexts[:1]:
-        virtual = _stated(context, "virtual_machine", "hypervisor", "virtual", "virtualised")
-        if virtual and str(virtual).lower() not in ("none", "no", "false", "unknown", "0"):
-            name = f" ({virtual})" if isinstance(virtual, str) else ""
-            made.append(Warning(False, f"Measured in a virtual machine{name}: neighbours and the hypervisor's scheduler "
-                                       "may move any number."))
-        governor = context.get("governor")
-        if governor in (None, "", "unknown"):
-            made.append(Warning(False, "The clock governor is unknown: the clock may have changed during the run."))
-        elif str(governor) != "performance":
-            made.append(Warning(False, f"The clock governor is {governor}, not performance: clocks may differ between "
-                                       "trials."))
-        if str(context.get("library_build_type", "")).lower() == "debug" or context.get("assertions") is True \
-                or str(context.get("build_type", "")).lower() == "debug":
-            made.append(Warning(True, "Built with assertions or without optimisation: timings are not to be published."))
-        equal = context.get("equal_speed_pus")
-        if equal is False or str(equal).lower() == "no":
-            made.append(Warning(False, "The processing units are not equally fast: scaling mixes fast and slow ones."))
-        load = _stated(context, "load_avg")
-        load = load[0] if isinstance(load, list) and load else load
-        if isinstance(load, (int, float)) and load > 0.5:
-            made.append(Warning(False, f"The machine was not idle when the run began (load {style.number(load, 2)})."))
-        if context.get("dirty") is True:
-            made.append(Warning(False, "The source tree had changes that are not in the recorded commit."))
-    over = sorted(rows.loc[rows["oversubscribed"], "threads"].unique())
-    if over:
-        made.append(Warning(False, f"Oversubscribed: {', '.join(map(str, over))} threads are more than the processing "
-                                   "units, so they measure how a cache copes with threads that are put to sleep."))
-    table = summarise(rows, ["panel", "cache", "threads"], "seconds")
-    few = (table["n"] < kMinRepetitions).sum()
-    if few:
-        made.append(Warning(False, f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions: they "
-                                   "carry no interval."))
-    weak = ((table["n"] >= kMinRepetitions) & (table["n"] < 6)).sum()
-    if weak:
-        made.append(Warning(False, f"{weak} of {len(table)} cells have three to five repetitions: a bootstrap interval "
-                                   "then reaches no further than the samples and covers less than the nominal 95 %."))
-    noisy = table[table["spread"] > kNoisy].sort_values("spread", ascending=False)
-    if len(noisy):
-        worst = "; ".join(f"{r.cache}, {r.panel}, {style.threads_text(r.threads)}: {style.number(r.spread * 100, 2)} %"
-                          for r in noisy.head(3).itertuples())
-        made.append(Warning(False, f"Noisy: {len(noisy)} of {len(table)} cells scatter by more than 10 % "
-                                   f"(interquartile range over median of the time). Worst: {worst}."))
-    made += [Warning(False, text[0].upper() + text[1:] + ".") for text in setup.remarks]
-    return sorted(made, key=lambda w: not w.grave)

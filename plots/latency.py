@@ -8,7 +8,8 @@ from matplotlib import ticker
 
 import style
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from over_threads import (cache_handles, cache_rows, groups_of, interval_note, kGroupKeys, panels_of, thread_marks)
+from over_threads import (cache_handles, cache_rows, groups_of, interval_note, kGroupKeys, panels_of,
+                          thread_marks)
 from results import Setup, summarise
 
 kPercentiles = {"p50": "50", "p90": "90", "p99": "99", "p999": "99.9", "max": "max"}
@@ -52,11 +53,13 @@ def build(setup: Setup) -> Built:
                 for threads in marks:
                     one = part[part["threads"] == threads]
                     if not one.empty:
-                        panels.append(_panel(f"{title}: {operation}, {style.threads_text(threads)}", one, part))
+                        name = f"{title}: {operation}, {style.threads_text(threads)}"
+                        panels.append(_panel(name, one, part))
         if not panels:
             continue
         caches = style.cache_order(drawn["cache"])
-        plates.append(Plate(group.slug, group.title, panels, lambda layout, c=caches: cache_handles(c, layout),
+        plates.append(Plate(group.slug, group.title, panels,
+                            lambda layout, caches=caches: cache_handles(caches, layout),
                             "percentile of operations", "latency", interval_note(drawn), (4, 2), (1.65, 1.05),
                             (0.46, 0.33)))
     left_out = sorted(set(table["threads"]) - set(marks))
@@ -71,26 +74,27 @@ def _panel(title: str, part: pd.DataFrame, neighbours: pd.DataFrame) -> Panel:
 
     def draw(axes, layout):
         for cache in style.cache_order(part["cache"]):
-            line = part[part["cache"] == cache].assign(x=lambda t: t["percentile"].map(places)).sort_values("x")
+            line = part[part["cache"] == cache]
+            line = line.assign(x=line["percentile"].map(places)).sort_values("x")
             options = style.line_options(cache, layout)
             axes.plot(line["x"], line["median"], zorder=3, **options)
-            axes.vlines(line["x"], line["low"], line["high"], color=options["color"], linewidth=layout.line * 0.8,
-                        zorder=2.5)
+            axes.vlines(line["x"], line["low"], line["high"], color=options["color"],
+                        linewidth=layout.line * 0.8, zorder=2.5)
         axes.set_xlim(-0.3, len(places) - 0.7)
         axes.xaxis.set_major_locator(ticker.FixedLocator(list(places.values())))
-        axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: list(kPercentiles.values())[int(value)]))
+        axes.xaxis.set_major_formatter(ticker.FixedFormatter(list(kPercentiles.values())))
         values = neighbours[["median", "low", "high"]].to_numpy().ravel()
-        style.log_axis(axes.yaxis, values, lambda v: style.duration(v * 1e-9).replace(".00", "").replace(".0 ", " "),
+        style.log_axis(axes.yaxis, values, lambda value: style.short_duration(value * 1e-9),
                        5 if layout.small else 6)
     return Panel(title, draw)
 
 
 FIGURE = Figure(
     "latency", "Latency of single operations",
-    "How long one operation takes: the 50th percentile is the usual case, the 99.9th what one in a thousand has to "
-    "bear, the maximum the worst one seen. The scale is logarithmic. Lines that stay low and flat to the right are "
-    "good; a steep end means that a few operations wait very long, typically behind a thread that was put to sleep "
-    "while it held a lock. That shows most with more threads than processing units.",
+    "How long one operation takes: the 50th percentile is the usual case, the 99.9th what one in a thousand "
+    "has to bear, the maximum the worst one seen. The scale is logarithmic. Lines that stay low and flat to "
+    "the right are good; a steep end means that a few operations wait very long, typically behind a thread "
+    "that was put to sleep while it held a lock. That shows most with more threads than processing units.",
     build)
 
 if __name__ == "__main__":

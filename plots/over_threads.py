@@ -1,7 +1,7 @@
 """Lines over thread counts, one per cache: the form that most figures share.
 
-Panels are workloads, plates are structures, because only caches of one structure say what a mechanism costs. Caches
-that are alone on their structure meet in one plate with the best cache of each other structure.
+Panels are workloads, plates are structures, because only caches of one structure say what a mechanism costs.
+Caches that are alone on their structure meet in one plate with the best cache of each other structure.
 """
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from results import Setup, kMinRepetitions, summarise, workload_order
 
 kPanels = 12  # workloads drawn at most; the CSV has all
 kShade = "#f1ece2"
-kBoundaryLines = {"core": (0, (5, 2)), "smt": (0, (1.2, 1.6)), "numa_node": (0, (5, 1.5, 1, 1.5)), "package": "-"}
+kBoundaryLines = {"core": (0, (5, 2)), "smt": (0, (1.2, 1.6)), "numa_node": (0, (5, 1.5, 1, 1.5)),
+                  "package": "-"}
 kBoundaryNames = {"core": "core", "smt": "SMT", "numa_node": "NUMA node", "package": "socket"}
 kGroupKeys = ["structure", "mechanism", "cache", "workload", "workload_kind", "scene", "panel", "threads"]
 
@@ -31,7 +32,8 @@ def cache_rows(setup: Setup) -> pd.DataFrame:
 
 
 def select_workloads(rows: pd.DataFrame, limit: int = kPanels) -> tuple[list[str], str]:
-    """At most `limit` workloads that stand for all, in reading order, and a line on what was left out ("" if nothing).
+    """At most `limit` workloads that stand for all, in reading order, and a line on what was left out ("" if
+    nothing).
 
     Variants of one thing are thinned first: three record costs, one setting per scene; then kinds take turns.
     """
@@ -59,19 +61,20 @@ def select_workloads(rows: pd.DataFrame, limit: int = kPanels) -> tuple[list[str
                 chosen.add(queue.pop(0))
     note = ""
     if len(chosen) < len(order):
-        note = f"{len(chosen)} of {len(order)} workloads are drawn, chosen over all kinds; the CSV holds every one"
+        note = (f"{len(chosen)} of {len(order)} workloads are shown, chosen over all kinds; "
+                "the CSV holds every one")
     return [w for w in order if w in chosen], note
 
 
 def panels_of(rows: pd.DataFrame, limit: int = kPanels) -> tuple[list[str], str]:
-    """Panel titles (a workload, with its placement where there are several) in reading order, and the note."""
+    """Panel titles (workload, and placement where there are several) in reading order, and the note."""
     workloads, note = select_workloads(rows, limit)
     pairs = rows[["workload", "panel"]].drop_duplicates()
     return [p for w in workloads for p in sorted(pairs.loc[pairs["workload"] == w, "panel"])], note
 
 
 def thread_marks(setup: Setup, rows: pd.DataFrame) -> tuple[int, int | None]:
-    """The measured thread counts that stand for "all cores" and "four threads a core" (None: nothing beyond)."""
+    """The measured thread counts nearest to all cores and to four threads a core (None: nothing beyond)."""
     counts = sorted(rows["threads"].unique())
     cores = setup.cores or counts[-1]
     full = max((t for t in counts if t <= cores), default=counts[0])
@@ -87,14 +90,16 @@ class Group:
     mechanisms: bool  # whether the caches share one structure
 
 
-def groups_of(setup: Setup, rows: pd.DataFrame, value: str = "items_per_second", across: bool = True) -> list[Group]:
-    """Caches that may share a panel: those of one structure; then the fastest of each structure side by side."""
+def groups_of(setup: Setup, rows: pd.DataFrame, value: str = "items_per_second",
+              across: bool = True) -> list[Group]:
+    """Caches that may share a panel: those of one structure; then the fastest of each structure."""
     table = rows[["structure", "cache"]].drop_duplicates()
     made, best = [], []
     for structure, part in table.groupby("structure"):
         caches = style.cache_order(part["cache"])
         if len(caches) > 1 or table["structure"].nunique() == 1:
-            made.append(Group(structure.replace(" ", "-"), f"structure: {structure.replace('_', ' ')}", caches, True))
+            made.append(Group(structure.replace(" ", "-"), f"structure: {structure.replace('_', ' ')}",
+                              caches, True))
         best.append(_fastest(setup, rows, caches, value))
     made.sort(key=lambda g: -len(g.caches))
     if across and table["structure"].nunique() > 1:
@@ -116,12 +121,13 @@ def _fastest(setup: Setup, rows: pd.DataFrame, caches: list[str], value: str) ->
 
 
 def draw_topology(axes, setup: Setup, rows: pd.DataFrame) -> None:
-    """Lines at core, SMT and socket boundaries; a shade where there are more threads than processing units."""
+    """Lines at topology boundaries; a shade where there are more threads than processing units."""
     low, high = axes.get_xlim()
     for threads, kind in _marked(setup):
-        place = math.sqrt(threads * (threads - 1))  # the boundary lies before the first count that is beyond it
+        place = math.sqrt(threads * (threads - 1))  # between the last count before it and the first beyond
         if low < place < high:
-            axes.axvline(place, color="#8a8a8a", linewidth=0.8, linestyle=kBoundaryLines.get(kind, "-"), zorder=0.6)
+            axes.axvline(place, color="#8a8a8a", linewidth=0.8, linestyle=kBoundaryLines.get(kind, "-"),
+                         zorder=0.6)
     edge = oversubscribed_from(setup, rows)
     if edge is not None and edge < high:
         axes.axvspan(max(edge, low), high, color=kShade, zorder=0.4, linewidth=0)
@@ -183,8 +189,8 @@ def interval_note(table: pd.DataFrame) -> str:
         return "Points: medians. Bars: 95 % bootstrap intervals of the median."
     if few.all():
         return f"Fewer than {kMinRepetitions} repetitions: no intervals can be given."
-    return (f"Bars: 95 % bootstrap intervals of the median. {few.sum()} of {len(table)} points have fewer than "
-            f"{kMinRepetitions} repetitions and so no interval.")
+    return (f"Bars: 95 % bootstrap intervals of the median. {few.sum()} of {len(table)} points have fewer "
+            f"than {kMinRepetitions} repetitions and so no interval.")
 
 
 def draw_lines(axes, table: pd.DataFrame, layout: style.Layout, scale: float = 1.0) -> None:
@@ -221,15 +227,17 @@ def _value_axis(axis, values, logarithmic: bool, most: int) -> None:
 
 
 def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label: str, *, logarithmic: bool,
-                scale: float = 1.0, extra=None, subtitle=None, footnote: str = "") -> tuple[list[Plate], list[str]]:
+                scale: float = 1.0, extra=None, subtitle=None,
+                footnote: str = "") -> tuple[list[Plate], list[str]]:
     """The plates of a metric over threads. `table` is a summary by kGroupKeys with `oversubscribed`.
 
-    `extra(axes)` may add to a panel, `subtitle(panel, part)` says more under its title. Zeros cannot stand on a logarithmic axis: they are left out
-    of the drawing there and counted in the notes.
+    `extra(axes)` may add to a panel, `subtitle(panel, part)` says more under its title. Zeros cannot stand on
+    a logarithmic axis: they are left out of the drawing there and counted in the notes.
     """
     notes, plates = [], []
     if logarithmic and (table["median"] <= 0).any():
-        notes.append(f"{(table['median'] <= 0).sum()} medians are zero and do not show on the logarithmic axis")
+        notes.append(f"{(table['median'] <= 0).sum()} medians are zero and do not show on the logarithmic "
+                     "axis")
         table = table[table["median"] > 0]
     if table.empty:
         raise Omitted("every value is zero")
@@ -263,7 +271,8 @@ def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label:
         if single:
             title = f"{group.title}, {style.threads_text(counts[0])}"
             height = 0.16 * len(caches) + 0.2
-            plates.append(Plate(group.slug, title, [panel(t) for t in titles], lambda layout: [], y_label, "", text,
+            plates.append(Plate(group.slug, title, [panel(t) for t in titles], lambda layout: [], y_label, "",
+                                text,
                                 (3, 1), (height * 1.25, height), (1.35, 1.1)))
         else:
             plates.append(Plate(group.slug, group.title, [panel(t) for t in titles],

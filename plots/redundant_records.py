@@ -20,15 +20,17 @@ def build(setup: Setup) -> Built:
     built = metric_figure(setup, "redundant_share", "redundant records, %", rows=rows, scale=100,
                           missing="no row has both records and redundant_records")
     counts = rows.groupby(["cache", "panel", "threads"])["redundant_records"].median()
-    built.table = built.table.join(counts.rename("redundant_records_median"), on=["cache", "panel", "threads"])
+    built.table = built.table.join(counts.rename("redundant_records_median"),
+                                   on=["cache", "panel", "threads"])
     return built
 
 
 FIGURE = Figure(
     "redundant_records", "Redundant records",
-    "Records made beyond what a single thread needs for the same work, in per cent of that need. Two threads that miss "
-    "at the same place at the same time both compute a record; caches that show new records late (local write shows "
-    "them only at the end of a frame) repeat the most work. Every such record costs its full set of rays.",
+    "Records made beyond what a single thread needs for the same work, in per cent of that need. Two threads "
+    "that miss at the same place at the same time both compute a record; caches that show new records late "
+    "(local write shows them only at the end of a frame) repeat the most work. Every such record costs its "
+    "full set of rays.",
     build)
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import html
 import io
 import json
 import re
@@ -14,24 +13,29 @@ from string import Template
 
 import style  # first: it chooses matplotlib's backend
 
-import pandas as pd
 from PIL import Image
 
-import speed_error
+import tables
+from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
 from figures import FIGURES
-from findings import findings, leaders, structures, synchronised, warnings
-from over_threads import cache_rows, panels_of, thread_marks
+from findings import Finding, findings
+from over_threads import cache_rows
 from results import InputError, Setup, load, summarise
+from tables import note_line, text
 
 kTemplate = Path(__file__).resolve().parent / "template.html"
-kTableColumns = 6        # thread counts a table shows
 kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
-
-
-def text(value) -> str:
-    return html.escape(str(value), quote=True)
+kLongestValue = 600      # characters of an environment value that are shown
+kIntroduction = """<h1>Shared irradiance caches, measured</h1>
+<p class="lead">An irradiance cache keeps the indirect light that a ray tracer has computed at some points, so
+that all its threads can reuse it nearby. This report compares ways to let many threads read and write such a
+cache at once.</p>
+"""
+kHowNumbersAreMade = """<p class="note">Numbers are medians over repetitions; brackets are 95 % bootstrap
+intervals. A ratio is the median of ratios paired by repetition, and names its base.</p>
+"""
 
 
 def _data_uri(kind: str, data: bytes) -> str:
@@ -39,161 +43,64 @@ def _data_uri(kind: str, data: bytes) -> str:
 
 
 def _svg(path: Path) -> bytes:
-    """The drawing made small: no document type or metadata (they name addresses elsewhere), no needless digits,
-    and each style spelled out once."""
+    """The drawing made small: no document type or metadata (they name addresses elsewhere), no needless
+    digits, and each style spelled out once.
+    """
     drawing = path.read_text(encoding="utf-8")
     drawing = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", drawing[drawing.index("<svg"):], flags=re.S)
     drawing = re.sub(r'<g id="[A-Za-z0-9]+_\d+">', "<g>", drawing)
     drawing = re.sub(r"(scale\([^)]*\))|(\d\.\d\d)\d+", lambda m: m[1] or m[2], drawing)
-    styles: dict[str, str] = {}
-    drawing = re.sub(r'(?<= )style="([^"]*)"', lambda m: f'class="{styles.setdefault(m[1], f"s{len(styles)}")}"', drawing)
-    sheet = "".join(f".{name}{{{rule}}}" for rule, name in styles.items())
+    names: dict[str, str] = {}
+    drawing = re.sub(r'(?<= )style="([^"]*)"',
+                     lambda m: f'class="{names.setdefault(m[1], f"s{len(names)}")}"', drawing)
+    sheet = "".join(f".{name}{{{rule}}}" for rule, name in names.items())
     drawing = drawing.replace("<defs>", f"<style>{sheet}</style><defs>", 1)
     return re.sub(r"\s+", " ", drawing).replace("> <", "><").encode()
 
 
-def _mean_interval(median: float, low: float, high: float, scale: float = 1.0) -> str:
-    out = style.number(median * scale)
-    if pd.notna(low):
-        out += f" <small>[{style.number(low * scale)}, {style.number(high * scale)}]</small>"
-    return out
+def _card(finding: Finding) -> str:
+    value, bracket, rest = finding.value.partition(" [")
+    shown = text(value) + (f" <span>[{text(rest)}</span>" if bracket else "")
+    return (f'<div class="card"><div class="what">{text(finding.title)}</div><div class="value">{shown}</div>'
+            f'<div>{text(finding.text)}</div><div class="base">{text(finding.base)}</div></div>')
 
 
 def _summary(setup: Setup) -> str:
+    """What was measured, on what, and the findings: one screen."""
     rows, context = setup.rows, setup.context
     cached = cache_rows(setup)
-    counts = sorted(rows["threads"].unique())
     repetitions = summarise(rows, ["panel", "cache", "threads"], "seconds")["n"]
-    span = f"{repetitions.min()}" if repetitions.min() == repetitions.max() else \
-        f"{repetitions.min()} to {repetitions.max()}"
+    span = " to ".join(str(n) for n in sorted({repetitions.min(), repetitions.max()}))
     kinds = ", ".join(dict.fromkeys(k.replace("_", " ") for k in rows["workload_kind"] if k))
-    what = (f"{style.plural(cached['cache'].nunique(), 'cache')} on "
-            f"{style.plural(cached['structure'].nunique(), 'structure')}; "
-            f"{style.plural(rows['workload'].nunique(), 'workload')} ({kinds}); threads: "
-            f"{', '.join(style.thread_label(t) for t in counts)}; repetitions a cell: {span}; "
-            f"{style.plural(len(rows), 'trial')} in all")
-    parts = [context.get("cpu") or context.get("cpu_model")]
-    for key, name in (("packages", "socket"), ("cores", "core"), ("num_cpus", "processing unit")):
-        if context.get(key) is not None:
-            parts.append(f"{context[key]} {name}{'' if str(context[key]) == '1' else 's'}")
-    parts += [context.get("compiler"), f"commit {str(context['commit'])[:12]}" if context.get("commit") else None]
-    where = "; ".join(text(p) for p in parts if p)
-    dates = sorted(str(c["date"]) for c in setup.contexts if c.get("date"))
-    cards = []
-    for finding in findings(setup):
-        value, bracket, rest = finding.value.partition(" [")
-        shown = text(value) + (f" <span>[{text(rest)}</span>" if bracket else "")
-        cards.append(f'<div class="card"><div class="what">{text(finding.title)}</div><div class="value">{shown}</div>'
-                     f'<div>{text(finding.text)}</div><div class="base">{text(finding.base)}</div></div>')
+    what = "; ".join((
+        f"{style.plural(cached['cache'].nunique(), 'cache')} on "
+        f"{style.plural(cached['structure'].nunique(), 'structure')}",
+        f"{style.plural(rows['workload'].nunique(), 'workload')} ({kinds})",
+        f"threads: {', '.join(style.thread_label(t) for t in sorted(rows['threads'].unique()))}",
+        f"repetitions a cell: {span}", f"{style.plural(len(rows), 'trial')} in all"))
+    counts = ((setup.packages, "socket"), (setup.cores, "core"), (setup.processing_units, "processing unit"))
+    where = [context.get("cpu_model") or context.get("cpu")]
+    where += [style.plural(count, word) for count, word in counts if count]
+    where.append(context.get("compiler"))
+    where.append(f"commit {str(context['commit'])[:12]}" if context.get("commit") else None)
+    where += sorted(str(c["date"])[:16] for c in setup.contexts if c.get("date"))[:1]
+    place = "; ".join(str(part) for part in where if part) or "the file does not say"
+    cards = "".join(map(_card, findings(setup)))
     if not cards:
-        cards.append('<div class="card"><div>The rows carry no comparison of a lock with anything else on one '
-                     'structure, and no errors beside path tracing, so there is no headline.</div></div>')
+        cards = ('<div class="card">The rows carry no comparison of a lock with anything else on one '
+                 "structure, and no errors beside path tracing, so there is no headline.</div>")
     return (f'<div class="facts"><div><b>What was measured</b>{text(what)}</div>'
-            f'<div><b>On what</b>{where or "the file does not say"}{"; " + text(dates[0][:16]) if dates else ""}</div></div>'
-            f'<div class="cards">{"".join(cards)}</div>'
-            '<p class="note">Numbers are medians over repetitions; brackets are 95 % bootstrap intervals. A ratio is '
-            'the median of ratios paired by repetition, and names its base.</p>')
+            f'<div><b>On what</b>{text(place)}</div></div>'
+            f'<div class="cards">{cards}</div>{kHowNumbersAreMade}')
 
 
 def _warnings(setup: Setup) -> str:
-    found = warnings(setup)
-    if not found:
-        return "<p>None.</p>"
-    return '<ul class="warnings">' + "".join(
-        f'<li{" class=grave" if w.grave else ""}>{text(w.text)}</li>' for w in found) + "</ul>"
-
-
-def _leader_tables(setup: Setup) -> str:
-    """Per structure: the best mechanism of every workload at all cores and beyond."""
-    rows = synchronised(cache_rows(setup))
-    made = []
-    full, beyond = thread_marks(setup, rows) if not rows.empty else (1, None)
-    marks = [m for m in (full, beyond) if m]
-    for structure in structures(setup):
-        mine = rows[rows["structure"] == structure]
-        titles, note = panels_of(mine)
-        tables = {m: leaders(mine[mine["threads"] == m], "items_per_second") for m in marks}
-        tables = {m: t.set_index("panel") for m, t in tables.items() if not t.empty}
-        head = "".join(f'<th>best at {style.threads_text(m)}, M operations/s</th><th>times the best of the other kind</th>'
-                       for m in tables)
-        body = ""
-        for title in titles:
-            cells = ""
-            for table in tables.values():
-                if title not in table.index:
-                    cells += "<td>–</td><td>–</td>"
-                    continue
-                line = table.loc[title]
-                sure = "" if line["ratio_low"] > 1 else " ≈"
-                ratio = (f'{_mean_interval(line["ratio"], line["ratio_low"], line["ratio_high"])}{sure}'
-                         f'<span class="under">{text(line["rival"])}</span>' if line["rival"] else "–")
-                cells += (f'<td>{text(line["best"])}<span class="under">'
-                          f'{_mean_interval(line["median"], line["low"], line["high"], 1e-6)}</span></td><td>{ratio}</td>')
-            body += f"<tr><td>{text(title)}</td>{cells}</tr>"
-        made.append(f"<h3>Structure: {text(structure)}</h3><table><thead><tr><th>workload</th>{head}</tr></thead>"
-                    f"<tbody>{body}</tbody></table>" + (f'<p class="note">{text(note)}</p>' if note else ""))
-    if not made:
-        return "<p>No structure carries both a lock and something that is none.</p>"
-    return ('<p class="note">A lock is compared with the best cache without one, and the reverse, always on one '
-            "structure. ≈ marks an undecided ratio: its interval holds 1, or there are too few repetitions.</p>"
-            + "".join(made))
-
-
-def _throughput_tables(setup: Setup) -> str:
-    rows = cache_rows(setup)
-    rows = rows[rows["items_per_second"].notna()]
-    if rows.empty:
-        return "<p>No row has items_per_second.</p>"
-    counts = sorted(rows["threads"].unique())
-    if len(counts) > kTableColumns:
-        full, beyond = thread_marks(setup, rows)
-        keep = {counts[0], counts[-1], full, *([beyond] if beyond else [])}
-        keep |= set([c for c in counts if c not in keep][::-1][:kTableColumns - len(keep)])
-        counts = sorted(keep)
-    over = set(rows.loc[rows["oversubscribed"], "threads"])
-    made = []
-    for structure, mine in rows.groupby("structure"):
-        titles, note = panels_of(mine)
-        table = summarise(mine[mine["threads"].isin(counts)], ["panel", "cache", "threads"], "items_per_second")
-        cells = {(r.panel, r.cache, r.threads): _mean_interval(r.median, r.low, r.high, 1e-6)
-                 for r in table.itertuples()}
-        shade = {c: ' class="n over"' if c in over else ' class="n"' for c in counts}
-        head = "".join(f"<th{shade[c]}>{style.threads_text(c)}</th>" for c in counts)
-        body = ""
-        for title in titles:
-            body += f'<tr class="head"><td colspan="{len(counts) + 1}">{text(title)}</td></tr>'
-            for cache in style.cache_order(mine.loc[mine["panel"] == title, "cache"]):
-                body += f"<tr><td>{text(cache)}</td>" + "".join(
-                    f"<td{shade[c]}>{cells.get((title, cache, c), '–')}</td>" for c in counts) + "</tr>"
-        made.append(f'<h3>Structure: {text(structure)}</h3><table class="wide"><thead><tr><th>million operations per '
-                    f"second</th>{head}</tr></thead><tbody>{body}</tbody></table>"
-                    + (f'<p class="note">{text(note)}</p>' if note else ""))
-    return "".join(made)
-
-
-def _error_table(setup: Setup) -> str:
-    """The settings on the Pareto front of each scene at all cores."""
-    try:
-        table = speed_error.points(setup)
-    except Omitted as why:
-        return f"<p>Left out: {text(why)}.</p>"
-    threads = thread_marks(setup, table)[0]
-    body = ""
-    for scene, part in table[table["threads"] == threads].groupby("scene"):
-        body += f'<tr class="head"><td colspan="4">{text(scene.replace("_", " "))}</td></tr>'
-        for line in speed_error.front(part).to_dict("records"):
-            setting = [f"{line[key]:g} {word}" for key, word in (("spp", "samples a pixel"), ("rays_per_record", "rays"))
-                       if pd.notna(line[key])]
-            setting += [f"a = {line['accuracy']:g}"] if pd.notna(line["accuracy"]) else []
-            body += (f"<tr><td>{text(line['series'])}</td><td>{text(', '.join(setting))}</td><td class=n>"
-                     f"{_mean_interval(line['seconds'], line['seconds_low'], line['seconds_high'])}</td><td class=n>"
-                     f"{_mean_interval(line['relmse'], line['relmse_low'], line['relmse_high'])}</td></tr>")
-    return (f"<p class=note>At {style.threads_text(threads)}, the settings that no other one beats in both time and "
-            'error, over all structures.</p><table><thead><tr><th>method</th><th>setting</th><th class="n">seconds for '
-            f'the indirect light</th><th class="n">relMSE</th></tr></thead><tbody>{body}</tbody></table>')
+    items = "".join(f'<li class="{"grave" if c.grave else ""}">{text(c.text)}</li>' for c in cautions(setup))
+    return f'<ul class="warnings">{items}</ul>' if items else "<p>None.</p>"
 
 
 def _pictures(setup: Setup) -> str:
+    """images/*.png beside the results, with what NAME.json says about them."""
     made = []
     for folder in dict.fromkeys(path.resolve().parent / "images" for path in setup.paths):
         for path in sorted(folder.glob("*.png")):
@@ -209,9 +116,9 @@ def _pictures(setup: Setup) -> str:
                 buffer = io.BytesIO()
                 picture.save(buffer, "PNG", optimize=True)
                 data = buffer.getvalue()
-            about = _about_picture(path)
-            made.append(f'<figure><img src="{_data_uri("image/png", data)}" alt="{text(about)}">'
-                        f"<figcaption>{text(about)}</figcaption></figure>")
+            about = text(_about_picture(path))
+            made.append(f'<figure><img src="{_data_uri("image/png", data)}" alt="{about}">'
+                        f"<figcaption>{about}</figcaption></figure>")
     return f'<div class="pictures">{"".join(made)}</div>' if made else ""
 
 
@@ -223,49 +130,55 @@ def _about_picture(path: Path) -> str:
         said = None
     if not isinstance(said, dict):
         return path.stem.replace("_", " ")
-    words = [str(said[key]).replace("_", " ") if key in ("scene", "integrator") else f"cache {said[key]}"
+    words = [str(said[key]).replace("_", " ") if key != "cache" else f"cache {said[key]}"
              for key in ("scene", "integrator", "cache") if said.get(key) not in (None, "", "none")]
     if isinstance(said.get("seconds"), (int, float)):
         words.append(style.duration(said["seconds"]))
     return ", ".join(words) or path.stem.replace("_", " ")
 
 
+def _shown(value) -> str:
+    """An environment value as text; long ones (pin maps of many threads) are cut, and say so."""
+    if isinstance(value, list) and not any(isinstance(v, (dict, list)) for v in value):
+        value = ", ".join(map(str, value))
+    elif not isinstance(value, (str, int, float)):
+        value = json.dumps(value)
+    value = str(value)
+    if len(value) > kLongestValue:
+        return f"{value[:kLongestValue]} … ({len(value):,} characters)"
+    return value
+
+
 def _environment(setup: Setup, command: str) -> str:
-    out = ""
+    out = f"<p>This page was made with</p><pre>{text(command)}</pre>"
     for path, context in zip(setup.paths, setup.contexts):
-        lines = ""
-        for key, value in context.items():
-            if key == "command_line":
-                continue
-            shown = ", ".join(map(str, value)) if isinstance(value, list) and not any(
-                isinstance(v, (dict, list)) for v in value) else value if isinstance(value, (str, int, float)) \
-                else json.dumps(value)
-            lines += f'<tr><td>{text(key)}</td><td class="raw">{text(shown)}</td></tr>'
-        ran = context.get("command_line")
+        ran = context.get("command_line") or "the file does not say"
         ran = shlex.join(map(str, ran)) if isinstance(ran, list) else ran
-        out += (f"<h3>{text(path)}</h3><p>Measured with</p><pre>{text(ran or 'the file does not say')}</pre>"
+        lines = "".join(f'<tr><td>{text(key)}</td><td class="raw">{text(_shown(value))}</td></tr>'
+                        for key, value in context.items() if key != "command_line")
+        out += (f"<h3>{text(path)}</h3><p>Measured with</p><pre>{text(ran)}</pre>"
                 f"<table><tbody>{lines}</tbody></table>")
-    return f"<p>This page was made with</p><pre>{text(command)}</pre>" + out
+    return out
 
 
-def _figure(number: int, done: Written) -> str:
+def _figure(number: int, done: Written, prefix: str) -> str:
     plates = []
     for title, path in done.plates:
         drawing = _svg(path)
         width = float(re.search(rb'width="([0-9.]+)pt"', drawing)[1]) * kPixelsPerPoint
         plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
                       f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
-    notes = "".join(f'<p class="note">{text(note[0].upper() + note[1:])}.</p>' for note in done.notes)
-    folder = done.pdf.parent.name
     first, *others = plates
-    return (f'<div class="keep"><h3 id="{done.figure.name}">{number}. {text(done.figure.title)}</h3><div class="read"><b>'
-            f"How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>{''.join(others)}{notes}"
+    folder = done.pdf.parent.name
+    return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{number}. {text(done.figure.title)}</h3>'
+            f'<div class="read"><b>How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>'
+            f'{"".join(others)}{"".join(map(note_line, done.notes))}'
             f'<p class="note">For a paper: <code>{text(folder)}/{text(done.pdf.name)}</code>; the numbers: '
             f"<code>{text(folder)}/{text(done.csv.name)}</code></p>")
 
 
-def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool) -> str:
-    """Everything about one setup; figures are written to `folder`."""
+def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
+    """All figures, and a line for each that is left out."""
     drawn, left_out = [], []
     for figure in FIGURES:
         print(f"figure {figure.name}: ", end="", flush=True)
@@ -273,31 +186,36 @@ def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool
             drawn.append(write(figure, setup, folder))
             print("done")
         except Omitted as why:
-            left_out.append(f"{figure.title}: left out, {why}.")
+            left_out.append(f"{figure.title}: left out, {why}")
             print(f"left out, {why}")
-    name = f": {setup.label}" if several else ""
-    anchors = ("summary", "warnings", "leaders", "pictures", "figures", "tables", "environment")
-    ids = {a: f"{prefix}{a}" for a in anchors}
-    pictures = _pictures(setup)
-    count = len(warnings(setup))
-    links = [("warnings", style.plural(count, "warning")), ("leaders", "Best mechanisms"),
-             ("figures", "Figures"), ("tables", "Tables"), ("environment", "Environment")]
-    links += [("pictures", "Scenes")] if pictures else []
-    nav = "".join(f'<a href="#{ids[a]}">{label}</a>' for a, label in links)
-    banner = ('<div class="banner">Incomplete results: the run was cut short, and what follows shows only what was '
-              "measured until then.</div>" if setup.complete is False else "")
-    figures = "".join(_figure(i, done) for i, done in enumerate(drawn, 1))
-    figures = figures.replace(' id="', f' id="{prefix}')
-    omitted = "".join(f'<p class="note">{text(line)}</p>' for line in left_out)
-    head = f'<h2 id="{ids["summary"]}">Machine{text(name)}</h2>' if several else ""
-    return (f'{head}{banner}<nav>{nav}</nav>{_summary(setup)}'
-            f'<h2 class="flow" id="{ids["warnings"]}">Before you believe a number</h2>{_warnings(setup)}'
-            f'<h2 class="flow" id="{ids["leaders"]}">Best mechanism per workload</h2>{_leader_tables(setup)}'
-            + (f'<h2 class="flow" id="{ids["pictures"]}">Scenes</h2>{pictures}' if pictures else "")
-            + f'<h2 id="{ids["figures"]}">Figures</h2>{omitted}{figures}'
-            f'<h2 id="{ids["tables"]}">Tables</h2><p class="note">Median [low, high] over repetitions; shaded columns '
-            f"are oversubscribed.</p><h3>Speed against error</h3>{_error_table(setup)}{_throughput_tables(setup)}"
-            f'<h2 id="{ids["environment"]}">Environment</h2>{_environment(setup, command)}')
+    return drawn, left_out
+
+
+def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool) -> str:
+    """Everything about one setup; its figures are written to `folder`."""
+    drawn, left_out = _draw(setup, folder)
+    figures = "".join(map(note_line, left_out))
+    figures += "".join(_figure(number, done, prefix) for number, done in enumerate(drawn, 1))
+    numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
+               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
+    parts = [  # anchor, heading, link, starts a printed page, content
+        ("warnings", "Before you believe a number", style.plural(len(cautions(setup)), "warning"), False,
+         _warnings(setup)),
+        ("leaders", "Best mechanism per workload", "Best mechanisms", False, tables.best_mechanisms(setup)),
+        ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
+        ("figures", "Figures", "Figures", True, figures),
+        ("tables", "Tables", "Tables", True, numbers),
+        ("environment", "Environment", "Environment", True, _environment(setup, command))]
+    parts = [part for part in parts if part[4]]
+    out = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if several else ""
+    if setup.complete is False:
+        out += ('<div class="banner">Incomplete results: the run was cut short, and what follows shows only '
+                "what was measured until then.</div>")
+    links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
+    out += f"<nav>{links}</nav>{_summary(setup)}"
+    for anchor, heading, _, page, content in parts:
+        out += f'<h2 class="{"" if page else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
+    return out
 
 
 def build(paths: list[Path], out: Path, command: str) -> Path:
@@ -305,20 +223,18 @@ def build(paths: list[Path], out: Path, command: str) -> Path:
     setups = load(paths)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
-    body = ('<h1>Shared irradiance caches, measured</h1><p class="lead">An irradiance cache keeps the indirect light that '
-            "a ray tracer has computed at some points, so that all its threads can reuse it nearby. This report "
-            "compares ways to let many threads read and write such a cache at once.</p>")
+    body, label = kIntroduction, setups[0].label
     if several:
+        label = f"{len(setups)} machines or builds"
         names = "; ".join(s.label for s in setups)
-        body += (f'<p class="lead">The files come from {len(setups)} machines or builds ({text(names)}). Each has a part '
-                 "of its own below: nothing is merged or compared across them.</p>")
-    for index, setup in enumerate(setups):
+        body += (f'<p class="lead">The files come from {label} ({text(names)}). Each has a part of its own '
+                 "below: nothing is merged or compared across them.</p>")
+    for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
         body += section(setup, folder_of(setup, setups, out / "figures"), command, prefix, several)
     page = out / "report.html"
-    label = setups[0].label if not several else f"{len(setups)} setups"
-    page.write_text(Template(kTemplate.read_text(encoding="utf-8")).substitute(
-        title=text(f"icbench: {label}"), body=body), encoding="utf-8")
+    template = Template(kTemplate.read_text(encoding="utf-8"))
+    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")
     return page
 
 

@@ -1,10 +1,11 @@
 """Results files of icbench: loading, medians with bootstrap intervals, paired ratios.
 
-Input is Google Benchmark's JSON format, one entry per repetition. Files of one machine and one build are pooled into
-one Setup; different machines or builds give separate Setups and are never mixed in one figure.
+Input is Google Benchmark's JSON format, one entry per repetition. Files of one machine and one build are
+pooled into one Setup; different machines or builds give separate Setups and are never mixed in one figure.
 
-Intervals are 95 % percentile bootstrap intervals of the median over repetitions. Below kMinRepetitions none is given.
-Below six repetitions such an interval is hardly more than the range of the samples and covers less than 95 %.
+Intervals are 95 % percentile bootstrap intervals of the median over repetitions. Below kMinRepetitions none
+is given. Below six repetitions such an interval is hardly more than the range of the samples and covers less
+than 95 %.
 """
 from __future__ import annotations
 
@@ -24,17 +25,24 @@ kResamples = 2000
 kConfidence = 0.95
 kNoisy = 0.10  # IQR over median above which a group of repetitions is reported as noisy
 
-kMachineKeys = ("host_name", "cpu", "num_cpus", "cores", "packages")
-kBuildKeys = ("commit", "compiler", "flags")
-kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "caches"}  # may differ when pooled
+# Files that agree in these measured the same program in the same circumstances and may be pooled.
+kIdentityKeys = (
+    "host_name", "cpu_model", "cpu", "num_cpus", "cores", "packages", "machine", "allowed_units", "kernel",
+    "governor", "boost", "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty",
+    "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
+# Differences in these need no remark when files are pooled.
+kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
+             "configuration", "configuration_hash", "resumed"}
 
 kSecondsPerUnit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
-kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency", "placement",
-                "scene", "integrator", "order", "time_unit", "run_type", "error_message", "run_name")
-kNumericColumns = ("threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits",
-                   "inserts", "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts",
-                   "cas_failures", "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record",
-                   "accuracy", "spp", "rays", "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect")
+kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency",
+                "placement", "scene", "integrator", "order", "time_unit", "run_type", "error_message",
+                "run_name")
+kNumericColumns = (
+    "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
+    "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
+    "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "rays",
+    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect")
 kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
 
 
@@ -53,13 +61,26 @@ class Setup:
     rows: pd.DataFrame
     remarks: list[str] = field(default_factory=list)
 
+    def _topology(self, *names: str) -> int | None:
+        """A count of what the run was allowed to use, else of the whole machine."""
+        context = self.context
+        for part in (context.get("allowed"), context, context.get("machine")):
+            for name in names if isinstance(part, dict) else ():
+                if _count(part.get(name)):
+                    return _count(part[name])
+        return None
+
     @property
     def processing_units(self) -> int | None:
-        return _count(self.context.get("num_cpus"))
+        return self._topology("units", "num_cpus")
 
     @property
     def cores(self) -> int | None:
-        return _count(self.context.get("cores")) or self.processing_units
+        return self._topology("cores") or self.processing_units
+
+    @property
+    def packages(self) -> int | None:
+        return self._topology("packages")
 
     @property
     def boundaries(self) -> list[tuple[int, str]]:
@@ -114,8 +135,9 @@ def workload_label(workload: str) -> str:
     for part in rest:
         key, _, value = part.partition("=")
         value = value.replace("_", " ")
-        words.append({"cost": f"{value} µs a record", "rays": f"{value} rays", "a": f"a = {value}", "order": value,
-                      }.get(key, f"{key.replace('_', ' ')} {value}".strip()))
+        known = {"cost": f"{value} µs a record", "rays": f"{value} rays", "a": f"a = {value}",
+                 "order": value}
+        words.append(known.get(key, f"{key.replace('_', ' ')} {value}".strip()))
     return ", ".join(words)
 
 
@@ -146,7 +168,8 @@ def _read(path: Path) -> tuple[dict, list]:
         where = f"line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "nested too deep"
         raise InputError(f"{path}: not JSON ({where}); a results file of icbench is expected") from None
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
-        raise InputError(f"{path}: no \"benchmarks\" list; a results file in Google Benchmark's format is expected")
+        raise InputError(f"{path}: no \"benchmarks\" list; a results file in Google Benchmark's format is "
+                         "expected")
     if not isinstance(data.get("context"), dict):
         raise InputError(f"{path}: no \"context\"; without it nobody knows which machine this was")
     return data["context"], [entry for entry in data["benchmarks"] if isinstance(entry, dict)]
@@ -181,7 +204,8 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         rows[column] = pd.Series(values, rows.index, dtype=float).replace([np.inf, -np.inf], np.nan)
     usable = (rows["workload"] != "") & (rows["cache"] != "") & (rows["threads"] >= 1)
     if not usable.all():
-        remarks.append(f"{(~usable).sum()} rows of {path.name} name no workload, cache or threads and are left out")
+        remarks.append(f"{(~usable).sum()} rows of {path.name} name no workload, cache or threads and are "
+                       "left out")
     rows = rows[usable].copy()
     if rows.empty:
         return rows
@@ -195,7 +219,7 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     inferred = [_infer_kind(w, s) for w, s in zip(rows["workload"], rows["scene"])]
     rows["workload_kind"] = rows["workload_kind"].where(rows["workload_kind"] != "", inferred)
     rows["seconds"] = rows["real_time"] * rows["time_unit"].map(kSecondsPerUnit).fillna(1e-9)
-    units = _count(context.get("num_cpus"))
+    units = Setup("", "", context, [], [], rows).processing_units
     beyond = rows["threads"] > units if units else pd.Series(False, rows.index)
     if "oversubscribed" in rows:
         rows["oversubscribed"] = rows["oversubscribed"].fillna(beyond).astype(bool)
@@ -231,7 +255,7 @@ def load(paths) -> list[Setup]:
             continue
         seen.add(os.path.realpath(path))
         context, entries = _read(path)
-        key = _identity(context, kMachineKeys + kBuildKeys)
+        key = _identity(context, kIdentityKeys)
         if key not in groups:
             groups[key] = Setup("", "", context, [], [], pd.DataFrame())
             frames[key] = []
@@ -245,7 +269,8 @@ def load(paths) -> list[Setup]:
         if not parts:
             continue
         rows = pd.concat(parts, ignore_index=True)
-        again = rows.duplicated(["name", "cache", "threads", "placement", "repetition_index", "real_time", "cpu_time"])
+        again = rows.duplicated(["name", "cache", "threads", "placement", "repetition_index", "real_time",
+                                 "cpu_time"])
         if again.any():
             setup.remarks.append(f"{again.sum()} rows occur twice in the files and count once")
             rows = rows[~again].reset_index(drop=True)
@@ -259,26 +284,29 @@ def load(paths) -> list[Setup]:
             setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
         setups.append(setup)
     if not setups:
-        raise InputError(f"{', '.join(str(p) for p in paths)}: no rows; run the sweep again, or without --dry-run")
+        raise InputError(f"{', '.join(str(p) for p in paths)}: no rows; run the sweep again, or without "
+                         "--dry-run")
     _label(setups)
     return setups
 
 
 def _label(setups: list[Setup]) -> None:
-    """Names each setup by its machine, and by its build too where one machine has several."""
+    """Names each setup by its machine, and by what tells it from others of the same name."""
+    def name(setup):
+        return str(setup.context.get("host_name") or setup.context.get("cpu_model") or "unknown machine")
+
     for setup in setups:
-        setup.label = str(setup.context.get("host_name") or setup.context.get("cpu") or "unknown machine")
-    labels = [s.label for s in setups]
-    for setup in setups:
-        if labels.count(setup.label) > 1:
-            setup.label += f", commit {str(setup.context.get('commit', 'unknown'))[:10]}"
+        alike = [other.context for other in setups if name(other) == name(setup)]
+        differing = [k for k in kIdentityKeys if len({_identity(c, [k]) for c in alike}) > 1]
+        details = [f"{key.replace('_', ' ')} {str(setup.context.get(key, 'unknown'))[:40]}"
+                   for key in differing]
+        setup.label = ", ".join([name(setup), *details])
     taken: set[str] = set()
     for setup in setups:
-        base, number = _slug(setup.label), 2
+        base, count = _slug(setup.label)[:80], 2
         setup.slug = base
         while setup.slug in taken:
-            setup.slug, number = f"{base}-{number}", number + 1
-            setup.label = f"{setup.label.split(' #')[0]} #{number - 1}"
+            setup.slug, count = f"{base}-{count}", count + 1
         taken.add(setup.slug)
 
 
@@ -286,7 +314,8 @@ def _label(setups: list[Setup]) -> None:
 def _resampled_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Ranks of the two middle values in kResamples resamples of n sorted values.
 
-    They depend on n alone, so one draw serves all groups of n samples; the result equals resampling the values.
+    They depend on n alone, so one draw serves all groups of n samples; the result equals resampling the
+    values.
     """
     random = np.random.default_rng(n)
     low, high = np.empty(kResamples, int), np.empty(kResamples, int)
@@ -346,7 +375,8 @@ kPairKeys = ["run", "repetition_index", "take"]
 def paired(rows: pd.DataFrame, base: pd.DataFrame, on: list[str], value: str) -> pd.DataFrame:
     """`rows` with a column `ratio`: value over the base's value in the same run and repetition.
 
-    `on` are the columns that must agree besides run and repetition; pairs without a positive base are dropped.
+    `on` are the columns that must agree besides run and repetition; pairs without a positive base are
+    dropped.
     """
     keys = [*on, *kPairKeys]
     base = base[base[value] > 0].drop_duplicates(keys)[[*keys, value]].rename(columns={value: "base_value"})

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Speed against error: seconds of the indirect pass against relMSE, every method and setting."""
 import sys
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -14,12 +15,13 @@ from results import Setup, kMinRepetitions, summarise
 
 kThreadCounts = 3  # thread counts drawn per scene: one, all cores, four a core
 kFloor = "#6b6b6b"
-kKeys = ["scene", "placement", "structure", "series", "integrator", "cache", "threads", "workload", "rays_per_record",
+kKeys = ["scene", "placement", "structure", "series", "integrator", "cache", "threads", "workload",
+         "rays_per_record",
          "accuracy", "spp"]
 
 
 def points(setup: Setup) -> pd.DataFrame:
-    """One line per method and setting: seconds and relMSE with intervals, and whether no other point beats both."""
+    """One line per method and setting: seconds and relMSE with intervals."""
     rows = setup.rows
     rows = rows[(rows["relmse"] > 0) & (rows["seconds_indirect"] > 0)].copy()
     if rows.empty:
@@ -33,7 +35,8 @@ def points(setup: Setup) -> pd.DataFrame:
     table = summarise(rows, kKeys, "seconds_indirect").rename(
         columns={"median": "seconds", "low": "seconds_low", "high": "seconds_high"}).drop(columns="spread")
     errors = summarise(rows, kKeys, "relmse").rename(
-        columns={"median": "relmse", "low": "relmse_low", "high": "relmse_high"}).drop(columns=["spread", "n"])
+        columns={"median": "relmse", "low": "relmse_low", "high": "relmse_high"}).drop(columns=["spread",
+                                                                                                "n"])
     table = table.merge(errors, on=kKeys)
     floor = rows[rows["reference_relmse"] > 0].groupby("scene")["reference_relmse"].median()
     table["reference_relmse"] = table["scene"].map(floor)
@@ -65,15 +68,18 @@ def build(setup: Setup) -> Built:
     full, beyond = thread_marks(setup, table)
     marks = sorted({int(table["threads"].min()), full, *([beyond] if beyond else [])})[:kThreadCounts]
     if set(table["threads"]) - set(marks):
-        notes.append("drawn at one thread, all cores and about four threads a core; the CSV has every thread count")
+        notes.append("drawn at one thread, all cores and about four threads a core; the CSV has every thread "
+                     "count")
     if not (table["series"] == "path").any():
         notes.append("no path-traced rival was measured")
     if table["reference_relmse"].isna().any():
-        notes.append("the error of the reference itself is not known for every scene, so no floor is drawn there")
+        notes.append("the error of the reference itself is not known for every scene, so no floor is drawn "
+                     "there")
     several = table["placement"].nunique() > 1
     few = (table["n"] < kMinRepetitions).sum()
     foot = "Small pale points are settings that the same method beats elsewhere."
-    foot += (f" {few} of {len(table)} points have fewer than {kMinRepetitions} repetitions and so no interval." if few
+    foot += (f" {few} of {len(table)} points have fewer than {kMinRepetitions} repetitions and so no "
+             "interval." if few
              else " Bars: 95 % bootstrap intervals of the median.")
     for group in groups:
         mine = table[table["cache"].isin(group.caches) | (table["series"] == "path")]
@@ -85,7 +91,7 @@ def build(setup: Setup) -> Built:
                     continue
                 title = f"{scene.replace('_', ' ')}{', ' + placement if several else ''}, " \
                         f"{style.threads_text(threads)}"
-                panels.append(Panel(title, lambda axes, layout, one=one, part=part: _draw(axes, layout, one, part)))
+                panels.append(Panel(title, partial(_draw, part=one, neighbours=part)))
                 drawn.append(one)
         if panels:
             names = style.cache_order(pd.concat(drawn)["series"])
@@ -100,7 +106,8 @@ def build(setup: Setup) -> Built:
 def _rivals(table: pd.DataFrame, part: pd.DataFrame) -> pd.DataFrame:
     """Path-traced points of the scene, placement and threads of `part`."""
     first = part.iloc[0]
-    return table[(table["series"] == "path") & (table["scene"] == first["scene"]) & (table["structure"] != first["structure"])
+    return table[(table["series"] == "path") & (table["scene"] == first["scene"])
+                 & (table["structure"] != first["structure"])
                  & (table["placement"] == first["placement"]) & (table["threads"] == first["threads"])]
 
 
@@ -123,7 +130,8 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, neighbours: pd.DataFra
     if not floor.empty:
         low = low / 1.25
         axes.set_ylim(low, high)
-        axes.axhspan(low, floor.iloc[0], facecolor="#eeeeee", edgecolor=kFloor, hatch="////", linewidth=0.0, zorder=0.5)
+        axes.axhspan(low, floor.iloc[0], facecolor="#eeeeee", edgecolor=kFloor, hatch="////", linewidth=0.0,
+                     zorder=0.5)
         axes.axhline(floor.iloc[0], color=kFloor, linewidth=0.8, zorder=0.6)
     best = front(part)
     axes.step([best["seconds"].iloc[0], *best["seconds"], axes.get_xlim()[1]],
@@ -135,7 +143,8 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, neighbours: pd.DataFra
         own = front(mine)
         rest = mine.drop(own.index)
         axes.plot(rest["seconds"], rest["relmse"],
-                  **(options | {"linestyle": "none", "alpha": 0.35, "markersize": options["markersize"] * 0.6}), zorder=2)
+                  **(options | {"linestyle": "none", "alpha": 0.35,
+                                "markersize": options["markersize"] * 0.6}), zorder=2)
         axes.plot(own["seconds"], own["relmse"], zorder=3, **options)
         axes.vlines(own["seconds"], own["relmse_low"], own["relmse_high"], color=options["color"],
                     linewidth=layout.line * 0.7, zorder=2.5)
@@ -145,12 +154,13 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, neighbours: pd.DataFra
 
 FIGURE = Figure(
     "speed_error", "Speed against error",
-    "Each point is one method with one setting: how long it takes to compute the indirect light, and how far the "
-    "picture is from a path-traced reference (relMSE, relative mean squared error; both axes logarithmic). Left and "
-    "low is good. A line joins the settings of a method that make sense, from quick and coarse to slow and fine; the "
-    "wide pale line is the front that nothing in the panel beats. Path tracing is the rival: where its line runs "
-    "below, the cache is not worth having. Below the hatched floor errors mean nothing, since the reference itself is "
-    "no better. Caches of one structure make the same picture, so they differ by time, not by error.",
+    "Each point is one method with one setting: how long it takes to compute the indirect light, and how far "
+    "the picture is from a path-traced reference (relMSE, relative mean squared error; both axes "
+    "logarithmic). Left and low is good. A line joins the settings of a method that make sense, from quick "
+    "and coarse to slow and fine; the wide pale line is the front that nothing in the panel beats. Path "
+    "tracing is the rival: where its line runs below, the cache is not worth having. Below the hatched floor "
+    "errors mean nothing, since the reference itself is no better. Caches of one structure make the same "
+    "picture, so they differ by time, not by error.",
     build)
 
 if __name__ == "__main__":

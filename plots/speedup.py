@@ -18,7 +18,8 @@ def base_of(rows: pd.DataFrame) -> tuple[str, int]:
     threads = rows["threads"].min()
     lowest = rows[rows["threads"] == threads]
     plain = sorted(c for c in lowest["cache"].unique() if c.endswith("sequential"))
-    return (plain[0] if plain else lowest.groupby("cache")["items_per_second"].median().idxmax()), int(threads)
+    return (plain[0] if plain
+            else lowest.groupby("cache")["items_per_second"].median().idxmax()), int(threads)
 
 
 def build(setup: Setup) -> Built:
@@ -50,9 +51,11 @@ def build(setup: Setup) -> Built:
     table = with_oversubscription(pd.concat(tables, ignore_index=True), rows)
 
     groups = groups_of(setup, rows, across=rows.groupby("structure")["cache"].nunique().max() == 1)
-    plates, notes = line_plates(setup, table, groups, "speed-up", logarithmic=True, subtitle=lambda panel, part: captions[part["structure"].iloc[0], panel],
-                                extra=lambda axes: axes.axhline(1, color="#555555", linewidth=0.6, zorder=1.5),
-                                footnote="Ratios are paired by repetition.")
+    plates, notes = line_plates(
+        setup, table, groups, "speed-up", logarithmic=True,
+        subtitle=lambda panel, part: captions[part["structure"].iloc[0], panel],
+        extra=lambda axes: axes.axhline(1, color="#555555", linewidth=0.6, zorder=1.5),
+        footnote="Ratios are paired by repetition.")
     if left_out:
         notes.append(f"{left_out} workloads were measured at one thread count only and have no speed-up")
     return Built(table, plates, notes)
@@ -60,10 +63,11 @@ def build(setup: Setup) -> Built:
 
 FIGURE = Figure(
     "speedup", "Speed-up",
-    "How many times the throughput of one fixed base is reached. The base is the same for all lines of a panel and is "
-    "named in it with its absolute value: the plain sequential cache on one thread where that was measured, else the "
-    "fastest cache on one thread. So a cache that is slow from the start cannot look good by scaling well. The "
-    "thin horizontal line is the base itself; a cache below it loses to a single thread.",
+    "How many times the throughput of one fixed base is reached. The base is the same for all lines of a "
+    "panel and is named in it with its absolute value: the plain sequential cache on one thread where that "
+    "was measured, else the fastest cache on one thread. So a cache that is slow from the start cannot look "
+    "good by scaling well. The thin horizontal line is the base itself; a cache below it loses to a single "
+    "thread.",
     build)
 
 if __name__ == "__main__":

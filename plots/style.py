@@ -1,7 +1,8 @@
 """How everything looks: one colour, marker and line per cache, and the two page formats.
 
-Colours are Okabe and Ito's palette (safe for colour-blind readers) without its yellow, which vanishes on white paper,
-plus a grey. A mechanism keeps its colour and marker on every structure; the packed structure has hollow markers.
+Colours are Okabe and Ito's palette (safe for colour-blind readers) without its yellow, which vanishes on
+white paper, plus a grey. A mechanism keeps its colour and marker on every structure; the packed structure has
+hollow markers.
 """
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ kCacheStyles = {
     "append_log": CacheStyle(kSky, "D", kDashed),
 }
 # What a cell of the contention map has room for.
-kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue", "shared_mutex": "shared",
+kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue",
+               "shared_mutex": "shared",
                "spin_rw_mutex": "spin rw", "distributed_rw": "dist rw", "node_lock": "node"}
 
 
@@ -64,7 +66,8 @@ def cache_style(name: str) -> CacheStyle:
         return CacheStyle(known.colour, known.marker, known.line, hollow=True)
     colours = (kBlue, kVermilion, kGreen, kPurple, kOrange, kSky, kBlack, kGrey)
     number = zlib.crc32(name.encode())
-    return CacheStyle(colours[number % 8], "oDs^v<>PXdhp"[number // 8 % 12], kDashDot, hollow=bool(number // 96 % 2))
+    return CacheStyle(colours[number % 8], "oDs^v<>PXdhp"[number // 8 % 12], kDashDot,
+                      hollow=bool(number // 96 % 2))
 
 
 def short_name(name: str) -> str:
@@ -119,7 +122,8 @@ def settings(layout: Layout) -> dict:
         "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "icbench", "font.family": _font(),
         "font.size": size, "axes.titlesize": size, "axes.labelsize": size, "xtick.labelsize": size * 0.92,
         "ytick.labelsize": size * 0.92, "legend.fontsize": size * 0.96, "figure.titlesize": size * 1.08,
-        "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6, "axes.edgecolor": "#444444",
+        "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6,
+        "axes.edgecolor": "#444444",
         "axes.titlelocation": "left", "axes.titlepad": 4, "axes.grid": True, "axes.axisbelow": True,
         "grid.color": "#e3e3e3", "grid.linewidth": 0.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
         "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.color": "#333333", "ytick.color": "#333333",
@@ -158,6 +162,12 @@ def duration(seconds: float) -> str:
     return f"{number(seconds * 1e9)} ns"
 
 
+def short_duration(seconds: float) -> str:
+    """A time for a tick label: "500 ns", "2 µs"."""
+    amount, unit = duration(seconds).split(" ")
+    return f"{float(amount.replace(',', '')):g} {unit}"
+
+
 def plural(count: int, word: str) -> str:
     """"1 cache", "8 caches"."""
     return f"{count:,} {word}{'' if count == 1 else 's'}"
@@ -185,7 +195,8 @@ def log_axis(axis, values, text=None, most: int = 6) -> None:
         low, high = low / 1.18, high * 1.18
     ticks: list[float] = []
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    plans = [((1, 1.5, 2, 3, 4, 5, 6, 8), 1), ((1, 2, 5), 1), ((1, 3), 1), ((1,), 1)] + [((1,), s) for s in range(2, 40)]
+    plans = [((1, 1.5, 2, 3, 4, 5, 6, 8), 1), ((1, 2, 5), 1), ((1, 3), 1),
+             ((1,), 1)] + [((1,), s) for s in range(2, 40)]
     for steps, stride in plans:
         ticks = [s * 10.0**d for d in range(first, last + 1) if d % stride == 0 for s in steps]
         ticks = [t for t in ticks if low <= t <= high]

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Tests of plots/: what is drawn is what was measured, and nothing is claimed that was not.
 
-Results come from a small model of threads that contend (a scalability law per cache), never from a real run; its
-context says so.
+Results come from a small model of threads that contend (a scalability law per cache), never from a real run;
+its context says so.
 """
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ kRoot = Path(__file__).resolve().parent.parent
 kPlots = kRoot / "plots"
 sys.path.insert(0, str(kPlots))
 
+import cautions  # noqa: E402
 import contention_map  # noqa: E402
 import findings  # noqa: E402
 import over_threads  # noqa: E402
@@ -52,34 +53,43 @@ kMechanisms = {  # contention, coherency, single-thread speed of the model
 }
 kStructures = {"ward": ("", 2.0e6), "packed": ("packed_", 2.2e7)}
 kLoners = {"tbb_hash_grid": ("hash_grid", "concurrent_container", 0.06, 0.002, 6e6),
-           "append_log": ("append_log", "append_log", 0.03, 0.001, 1.2e7), "null": ("none", "none", 0.0, 0.0, 4e8)}
+           "append_log": ("append_log", "append_log", 0.03, 0.001, 1.2e7),
+           "null": ("none", "none", 0.0, 0.0, 4e8)}
 kContext = {
-    "date": "2025-01-01T12:00:00+00:00", "host_name": "model", "cpu": "Model CPU (synthetic sample data)",
-    "num_cpus": 16, "cores": 8, "packages": 2, "mhz_per_cpu": 3000, "cpu_scaling_enabled": False,
+    "date": "2025-01-01T12:00:00+00:00", "host_name": "model",
+    "cpu_model": "Model CPU (synthetic sample data)", "num_cpus": 16, "cores": 8, "packages": 2,
+    "machine": {"units": 16, "cores": 8, "packages": 2, "numa_nodes": 2}, "mhz_per_cpu": 3000,
+    "cpu_scaling_enabled": False, "virtualised": False, "hypervisor": None, "cgroup_cpu_quota": None,
     "caches": [{"type": "Data", "level": 1, "size": 32768, "num_sharing": 2},
                {"type": "Unified", "level": 3, "size": 33554432, "num_sharing": 8}],
     "boundaries": [{"threads": 5, "kind": "package"}, {"threads": 9, "kind": "smt"},
                    {"threads": 17, "kind": "oversubscribed"}],
-    "governor": "performance", "kernel": "Linux 6.1", "compiler": "GNU 12.2.0", "flags": "-O3 -march=native",
+    "governor": "performance", "kernel": "Linux 6.1", "compiler": "GNU 12.2.0",
+    "compiler_flags": "-O3 -march=native",
     "commit": "0123456789abcdef", "seed": 42, "placement": "compact", "load_avg": [0.1, 0.1, 0.1],
-    "equal_speed_pus": True, "complete": True, "command_line": "icbench sweep --threads 1,2,4 --out results.json"}
+    "equal_speed_pus": True, "complete": True, "command_line": "icbench sweep --threads 1,2,4 --out "
+                                                               "results.json"}
 kWorkloads = ["read_only:order=uniform", "read_only:order=hot_spot", "mix_90_10:order=uniform",
               "mix_90_10:order=hot_spot", "mix_50_50:order=hot_spot", "insert_only", "miss_driven:cost=0",
               "miss_driven:cost=1", "miss_driven:cost=4", "miss_driven:cost=16", "miss_driven:cost=64",
-              "miss_driven:cost=256", "cornell_box:rays=64:a=0.2:order=morton", "sibenik:rays=64:a=0.2:order=morton"]
+              "miss_driven:cost=256", "cornell_box:rays=64:a=0.2:order=morton",
+              "sibenik:rays=64:a=0.2:order=morton"]
 
 
-def model_caches(structures=tuple(kStructures), mechanisms=tuple(kMechanisms), loners=tuple(kLoners)) -> list[dict]:
+def model_caches(structures=tuple(kStructures), mechanisms=tuple(kMechanisms),
+                 loners=tuple(kLoners)) -> list[dict]:
     caches = []
     for structure in structures:
         prefix, speed = kStructures[structure]
         for name in mechanisms:
             mechanism, alpha, beta, factor = kMechanisms[name]
-            caches.append({"cache": prefix + name, "structure": structure, "mechanism": mechanism, "alpha": alpha,
+            caches.append({"cache": prefix + name, "structure": structure, "mechanism": mechanism,
+                           "alpha": alpha,
                            "beta": beta, "speed": speed * factor})
     for name in loners:
         structure, mechanism, alpha, beta, speed = kLoners[name]
-        caches.append({"cache": name, "structure": structure, "mechanism": mechanism, "alpha": alpha, "beta": beta,
+        caches.append({"cache": name, "structure": structure, "mechanism": mechanism, "alpha": alpha,
+                       "beta": beta,
                        "speed": speed})
     return caches
 
@@ -91,12 +101,14 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     parameters = dict(p.split("=") for p in rest)
     kind = ("mix" if base.startswith("mix") else base if base in ("read_only", "insert_only", "miss_driven")
             else "ray_traced")
-    writes = {"read_only": 0.0, "insert_only": 1.0, "mix": int(base.split("_")[-1]) / 100 if kind == "mix" else 0,
+    writes = {"read_only": 0.0, "insert_only": 1.0, "mix": int(base.split("_")[-1]) / 100 if kind == "mix"
+              else 0,
               "miss_driven": 0.1, "ray_traced": 0.05}[kind]
     hot = 2.0 if parameters.get("order") == "hot_spot" else 1.0
-    free = "mutex" not in cache["mechanism"] and "spin" not in cache["mechanism"] and "rw" not in cache["mechanism"]
+    free = not any(word in cache["mechanism"] for word in ("mutex", "spin", "rw"))
     pressure = hot * (0.3 + 2 * writes)
-    cost = float(parameters.get("cost", 0)) + (0.05 * float(parameters["rays"]) if kind == "ray_traced" else 0)
+    cost = float(parameters.get("cost", 0)) + (0.05 * float(parameters["rays"]) if kind == "ray_traced"
+                                               else 0)
     own = 1e6 * (1 + 6 * writes) / cache["speed"]  # microseconds of an operation in the cache
     share = own / (own + cost * 0.1)
     alpha, beta = min(0.97, cache["alpha"] * pressure * share), cache["beta"] * pressure * share
@@ -106,10 +118,13 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     rate *= float(np.exp(random.normal(0, noise * (1 + (threads > 16)))))
     operations = 2_000_000
     inserts = max(1, int(operations * writes)) if writes else 0
-    redundant = 0 if threads == 1 else int(inserts * 0.002 * threads * (12 if "local" in cache["mechanism"] else 1))
+    redundant = 0 if threads == 1 else int(inserts * 0.002 * threads
+                                           * (12 if "local" in cache["mechanism"] else 1))
     waiting = 0.0 if free or threads == 1 else 1 - 1 / (1 + alpha * (units - 1))
-    row = {"name": f"sweep/{workload}/{cache['cache']}/threads:{threads}", "run_type": "iteration", "iterations": 1,
-           "repetition_index": repetition, "cache": cache["cache"], "workload": workload, "workload_kind": kind,
+    row = {"name": f"sweep/{workload}/{cache['cache']}/threads:{threads}", "run_type": "iteration",
+           "iterations": 1,
+           "repetition_index": repetition, "cache": cache["cache"], "workload": workload,
+           "workload_kind": kind,
            "structure": cache["structure"], "mechanism": cache["mechanism"], "consistency": "regular",
            "threads": threads, "placement": "compact", "oversubscribed": threads > 16,
            "real_time": operations / rate * 1e3, "cpu_time": operations / rate * 1e3 * min(threads, 16),
@@ -124,8 +139,10 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     for operation, factor in (("query", 1.0), ("insert", 6.0)):
         if operation == "insert" and not inserts or operation == "query" and inserts == operations:
             continue
-        for percentile, growth in (("p50", 1), ("p90", 1.8), ("p99", 4), ("p999", 9 * tail), ("max", 60 * tail**1.5)):
-            row[f"latency_{operation}_{percentile}_ns"] = 1e9 / cache["speed"] * factor * growth * random.uniform(0.95, 1.05)
+        for percentile, growth in (("p50", 1), ("p90", 1.8), ("p99", 4), ("p999", 9 * tail),
+                                   ("max", 60 * tail**1.5)):
+            usual = 1e9 / cache["speed"] * factor
+            row[f"latency_{operation}_{percentile}_ns"] = usual * growth * random.uniform(0.95, 1.05)
     if parameters.get("order"):
         row["order"] = parameters["order"]
     if kind == "miss_driven":
@@ -136,7 +153,8 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     return row
 
 
-def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", "sibenik"), repetitions=5) -> list[dict]:
+def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", "sibenik"),
+                 repetitions=5) -> list[dict]:
     """Rows of speed against error: every cache over rays and accuracy, and the path tracer over samples."""
     rows = []
     for scene in scenes:
@@ -149,16 +167,21 @@ def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", 
                             workload = f"{scene}:rays={rays}:a={a}:order=morton"
                             row = model_row(cache, workload, count, repetition, 0.02)
                             slow = 1 + cache["alpha"] * (units - 1)
-                            row["seconds_indirect"] = ((rays * 0.02 / a**1.4 + 40e6 / cache["speed"]) / units * slow
-                                                       * row["real_time"] / model_row(cache, workload, count, 0, 0.0)["real_time"])
+                            row["seconds_indirect"] = ((rays * 0.02 / a**1.4 + 40e6 / cache["speed"]) / units
+                                                       * slow
+                                                       * row["real_time"]
+                                                       / model_row(cache, workload, count, 0,
+                                                                   0.0)["real_time"])
                             row["relmse"] = (0.004 * a**2 + 0.03 / rays * a + 2e-5) * (1 + 0.02 * repetition)
                             row["name"] = row["name"].replace("sweep/", "pareto/")
                             row["rmse"], row["mean_ratio"] = row["relmse"] ** 0.5, 0.99
                             rows.append(row)
                 for spp in (1, 4, 16, 64, 256):
                     random = np.random.default_rng([spp, count, repetition])
-                    rows.append({"name": f"pareto/{scene}:path:spp={spp}/none/threads:{count}", "run_type": "iteration",
-                                 "repetition_index": repetition, "cache": "none", "workload": f"{scene}:path:spp={spp}",
+                    rows.append({"name": f"pareto/{scene}:path:spp={spp}/none/threads:{count}",
+                                 "run_type": "iteration",
+                                 "repetition_index": repetition, "cache": "none",
+                                 "workload": f"{scene}:path:spp={spp}",
                                  "workload_kind": "ray_traced", "structure": "none", "mechanism": "none",
                                  "threads": count, "placement": "compact", "oversubscribed": count > 16,
                                  "real_time": spp * 400 / units, "time_unit": "ms", "scene": scene,
@@ -176,7 +199,8 @@ def model_results(threads=(1, 2, 4, 8, 16, 32, 64), workloads=tuple(kWorkloads),
             for workload in workloads for cache in caches for count in threads
             if count == 1 or not cache["cache"].endswith("sequential")]
     if errors:
-        rows += model_errors([c for c in caches if c["mechanism"] in ("none", "global_mutex", "local_write", "wait_free")
+        rows += model_errors([c for c in caches if c["mechanism"] in ("none", "global_mutex", "local_write",
+                                                                      "wait_free")
                               and c["cache"] != "null" and not c["cache"].endswith("sequential")])
     return {"context": kContext | context, "benchmarks": rows}
 
@@ -188,7 +212,8 @@ def write_results(path: Path, results: dict) -> Path:
 
 
 def run(script: str, *arguments, **environment) -> subprocess.CompletedProcess:
-    return subprocess.run([sys.executable, str(kPlots / script), *map(str, arguments)], capture_output=True, text=True,
+    return subprocess.run([sys.executable, str(kPlots / script), *map(str, arguments)], capture_output=True,
+                          text=True,
                           env=os.environ | environment, check=False)
 
 
@@ -198,7 +223,8 @@ def read_csv(path: Path) -> list[dict]:
 
 
 def few_caches() -> list[dict]:
-    return model_caches(("packed",), ("sequential", "global_mutex", "shared_mutex", "local_write", "wait_free"), ())
+    return model_caches(("packed",), ("sequential", "global_mutex", "shared_mutex", "local_write",
+                                      "wait_free"), ())
 
 
 kFewWorkloads = ("mix_90_10:order=hot_spot", "miss_driven:cost=1", "miss_driven:cost=64")
@@ -216,7 +242,8 @@ class References(HTMLParser):
     def handle_starttag(self, tag, attributes):
         self.tags.add(tag)
         self.found += [value or "" for key, value in attributes
-                       if key in ("src", "href", "srcset", "data", "poster", "action", "background", "xlink:href")]
+                       if key in ("src", "href", "srcset", "data", "poster", "action", "background",
+                                  "xlink:href")]
 
 
 class InFolder(unittest.TestCase):
@@ -226,7 +253,8 @@ class InFolder(unittest.TestCase):
         self.folder = Path(folder.name)
 
     def results(self, name="results.json", **options) -> Path:
-        options = {"caches": few_caches(), "workloads": kFewWorkloads, "threads": (1, 2, 8, 32), "errors": False} | options
+        options = {"caches": few_caches(), "workloads": kFewWorkloads, "threads": (1, 2, 8, 32),
+                   "errors": False} | options
         return write_results(self.folder / name, model_results(**options))
 
     def good(self, script, *arguments) -> subprocess.CompletedProcess:
@@ -241,7 +269,8 @@ class Statistics(unittest.TestCase):
         error = 4 * math.sqrt(0.025 * 0.975 / results.kResamples)  # of a share, from drawing resamples
         for n in (3, 4, 5, 6):
             samples = np.random.default_rng(n).lognormal(0, 0.5, n)
-            every = np.median(samples[list(itertools.product(range(n), repeat=n))], axis=1)  # all n^n resamples
+            all_resamples = list(itertools.product(range(n), repeat=n))
+            every = np.median(samples[all_resamples], axis=1)
             _, low, high = results.median_intervals(samples[None, :])
             for end, tail in ((low[0], 0.025), (high[0], 0.975)):
                 self.assertLessEqual(np.mean(every < end - 1e-12), tail + error)
@@ -259,10 +288,12 @@ class Statistics(unittest.TestCase):
         self.assertTrue(4999.5 - 150 < low[0] < 4999.5 < high[0] < 4999.5 + 150)
 
     def test_locks_are_told_from_the_rest(self):
-        for mechanism in ("global_mutex", "std::mutex", "queuing-mutex", "spin_rw_mutex", "distributed_rw", "node_lock",
+        for mechanism in ("global_mutex", "std::mutex", "queuing-mutex", "spin_rw_mutex", "distributed_rw",
+                          "node_lock",
                           "LCK", "spin lock", "readers_writer_lock"):
             self.assertTrue(results.is_lock(mechanism), mechanism)
-        for mechanism in ("wait_free", "lock_free", "lock-free", "local_write", "none", "append_log", "unknown", "block"):
+        for mechanism in ("wait_free", "lock_free", "lock-free", "local_write", "none", "append_log",
+                          "unknown", "block"):
             self.assertFalse(results.is_lock(mechanism), mechanism)
 
     def test_front_holds_what_nothing_beats(self):
@@ -282,7 +313,8 @@ class Styles(unittest.TestCase):
         self.assertEqual(len(looks), len(names))
 
     def test_an_unknown_cache_looks_the_same_in_every_process(self):
-        code = f"import sys; sys.path.insert(0, {str(kPlots)!r}); import style; print(style.cache_style('brand_new'))"
+        code = (f"import sys; sys.path.insert(0, {str(kPlots)!r}); import style; "
+                "print(style.cache_style('brand_new'))")
         looks = {subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
                                 env=os.environ | {"PYTHONHASHSEED": seed}).stdout for seed in ("1", "2")}
         self.assertEqual(len(looks), 1)
@@ -294,7 +326,8 @@ class Figures(InFolder):
         path = write_results(self.folder / "results.json", data)
         rates: dict[tuple, list] = {}
         for row in data["benchmarks"]:
-            rates.setdefault((row["cache"], row["workload"], row["threads"]), []).append(row["items_per_second"])
+            rates.setdefault((row["cache"], row["workload"], row["threads"]),
+                             []).append(row["items_per_second"])
         self.good("throughput.py", path, "--out", self.folder)
         table = read_csv(self.folder / "throughput.csv")
         self.assertEqual(len(table), len(rates))
@@ -321,7 +354,8 @@ class Figures(InFolder):
         for line in table:
             times: dict[str, list] = {}
             for row in data["benchmarks"]:
-                if row["structure"] == line["structure"] and row["workload"] == f"miss_driven:cost={line['record_cost_us']}":
+                workload = f"miss_driven:cost={line['record_cost_us']}"
+                if row["structure"] == line["structure"] and row["workload"] == workload:
                     times.setdefault(row["cache"], []).append(row["real_time"])
             locks = {c: t for c, t in times.items() if "mutex" in c}
             best = min(locks, key=lambda c: np.median(locks[c]))
@@ -362,11 +396,13 @@ class Figures(InFolder):
         path = self.results(threads=(4,))
         self.good("throughput.py", path, "--out", self.folder)
         done = self.good("speedup.py", path, "--out", self.folder)
-        self.assertRegex(done.stdout, r"^speedup: left out for model: only one thread count was measured.*\n$")
+        self.assertRegex(done.stdout,
+                         r"^speedup: left out for model: only one thread count was measured.*\n$")
         self.assertFalse((self.folder / "speedup.pdf").exists())
 
     def test_nan_zero_and_absent_values_do_not_reach_a_median(self):
-        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), repetitions=4, errors=False)
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), repetitions=4,
+                             errors=False)
         for row in data["benchmarks"]:
             row["items_per_second"] = {0: 5e6, 1: math.nan, 2: 5e6, 3: None}[row["repetition_index"]]
             row["utilisation"] = 0.0
@@ -380,8 +416,10 @@ class Figures(InFolder):
 
     def test_failed_trials_and_aggregates_are_not_samples(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), errors=False)
-        data["benchmarks"] += [row | {"error_occurred": True, "items_per_second": 1.0} for row in data["benchmarks"][:3]]
-        data["benchmarks"] += [row | {"run_type": "aggregate", "items_per_second": 1.0} for row in data["benchmarks"][:3]]
+        data["benchmarks"] += [row | {"error_occurred": True, "items_per_second": 1.0}
+                               for row in data["benchmarks"][:3]]
+        data["benchmarks"] += [row | {"run_type": "aggregate", "items_per_second": 1.0}
+                               for row in data["benchmarks"][:3]]
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         self.assertGreater(setup.rows["items_per_second"].min(), 1.0)
         self.assertTrue(any("3 trials" in remark for remark in setup.remarks))
@@ -400,21 +438,33 @@ class Machines(InFolder):
         second = self.results("b.json", host_name="other", num_cpus=4)
         setups = results.load([first, second])
         self.assertEqual([s.label for s in setups], ["model", "other"])
+        self.assertEqual([s.processing_units for s in setups], [16, 4])
         self.good("throughput.py", first, second, "--out", self.folder)
-        self.assertTrue((self.folder / "model/throughput.pdf").exists() and (self.folder / "other/throughput.pdf").exists())
+        self.assertTrue((self.folder / "model/throughput.pdf").exists()
+                        and (self.folder / "other/throughput.pdf").exists())
 
-    def test_builds_of_one_machine_are_kept_apart(self):
-        setups = results.load([self.results("a.json"), self.results("b.json", commit="fedcba9876")])
-        self.assertEqual(len({s.slug for s in setups}), 2)
+    def test_builds_and_circumstances_of_one_machine_are_kept_apart(self):
+        setups = results.load([self.results("a.json"), self.results("b.json", commit="fedcba9876"),
+                               self.results("c.json", governor="powersave")])
+        self.assertEqual(len({s.slug for s in setups}), 3)
+        self.assertIn("commit fedcba9876", setups[1].label)
+        self.assertIn("governor powersave", setups[2].label)
+
+    def test_a_run_may_be_allowed_less_than_the_machine_has(self):
+        allowed = {"units": 2, "cores": 1, "packages": 1, "numa_nodes": 1}
+        setup, = results.load([self.results(allowed=allowed)])
+        self.assertEqual((setup.processing_units, setup.cores, setup.packages), (2, 1, 1))
 
     def test_runs_of_one_machine_and_build_are_pooled_and_said(self):
-        second = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 2), errors=False, noise=0.05,
-                               governor="powersave")
-        setups = results.load([self.results("a.json", threads=(1, 2)), write_results(self.folder / "b.json", second)])
+        second = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 2), errors=False,
+                               noise=0.05,
+                               os="another")
+        setups = results.load([self.results("a.json", threads=(1, 2)),
+                               write_results(self.folder / "b.json", second)])
         self.assertEqual(len(setups), 1)
         table = results.summarise(setups[0].rows, ["cache", "workload", "threads"], "items_per_second")
         self.assertEqual(set(table["n"]), {10})
-        self.assertTrue(any("governor" in remark for remark in setups[0].remarks))
+        self.assertTrue(any("differ in os" in remark for remark in setups[0].remarks))
 
     def test_the_same_rows_count_once(self):
         first = self.results("a.json")
@@ -428,7 +478,8 @@ class Machines(InFolder):
         data["benchmarks"] += [row | {"placement": "scatter", "real_time": row["real_time"] * 2}
                                for row in data["benchmarks"]]
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
-        self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot, compact", "mix 90/10, hot spot, scatter"})
+        self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot, compact",
+                                                    "mix 90/10, hot spot, scatter"})
 
 
 class WrongInput(InFolder):
@@ -501,7 +552,8 @@ class Report(InFolder):
 
     def test_omitted_figures_are_named_with_the_reason(self):
         page = self.page(self.results(threads=(2,), workloads=("read_only",)))
-        for line in ("Speed-up: left out, only one thread count", "Speed against error: left out, no row has both",
+        for line in ("Speed-up: left out, only one thread count",
+                     "Speed against error: left out, no row has both",
                      "where wait-free access pays: left out, no miss_driven rows"):
             self.assertIn(line, page)
         self.assertNotIn('id="speedup"', page)
@@ -534,14 +586,15 @@ class Findings(InFolder):
 
     def test_warnings_are_those_of_the_run(self):
         calm = self.setup_of(threads=(1, 8), repetitions=8, noise=0.001)
-        self.assertEqual(findings.warnings(calm), [])
+        self.assertEqual(cautions.cautions(calm), [])
         wild = self.setup_of(threads=(1, 32), noise=0.5, governor="unknown", hypervisor="kvm", complete=False,
                              equal_speed_pus=False, load_avg=[3.0, 2.0, 1.0])
-        text = " ".join(w.text for w in findings.warnings(wild))
-        for word in ("incomplete", "virtual machine (kvm)", "governor is unknown", "not equally fast", "not idle",
+        text = " ".join(w.text for w in cautions.cautions(wild))
+        for word in ("incomplete", "virtual machine (kvm)", "governor is unknown", "not equally fast",
+                     "not idle",
                      "Oversubscribed: 32", "Noisy:", "three to five repetitions"):
             self.assertIn(word, text)
-        self.assertTrue(findings.warnings(wild)[0].grave)
+        self.assertTrue(cautions.cautions(wild)[0].grave)
 
     def test_a_tie_is_undecided(self):
         caches = few_caches()
@@ -554,14 +607,20 @@ class Findings(InFolder):
     def test_error_at_equal_time_is_the_ratio_at_the_caches_time(self):
         rows = []
         for repetition in range(3):
-            shared = {"threads": 1, "scene": "box", "workload_kind": "ray_traced", "repetition_index": repetition,
+            shared = {"threads": 1, "scene": "box", "workload_kind": "ray_traced",
+                      "repetition_index": repetition,
                       "real_time": 1.0, "time_unit": "s"}
             for spp in (1, 100):  # relMSE 1 / seconds
-                rows.append(shared | {"name": f"pareto/path:{spp}/none/threads:1", "cache": "none", "spp": spp,
-                                      "workload": f"box:path:spp={spp}", "integrator": "path", "structure": "none",
-                                      "mechanism": "none", "seconds_indirect": float(spp), "relmse": 1.0 / spp})
-            rows.append(shared | {"name": "pareto/box/wait_free/threads:1", "cache": "wait_free", "structure": "ward",
-                                  "workload": "box:rays=8", "mechanism": "wait_free", "integrator": "irradiance_cache",
+                rows.append(shared | {"name": f"pareto/path:{spp}/none/threads:1", "cache": "none",
+                                      "spp": spp,
+                                      "workload": f"box:path:spp={spp}", "integrator": "path",
+                                      "structure": "none",
+                                      "mechanism": "none", "seconds_indirect": float(spp),
+                                      "relmse": 1.0 / spp})
+            rows.append(shared | {"name": "pareto/box/wait_free/threads:1", "cache": "wait_free",
+                                  "structure": "ward",
+                                  "workload": "box:rays=8", "mechanism": "wait_free",
+                                  "integrator": "irradiance_cache",
                                   "seconds_indirect": 10.0, "relmse": 0.02})
         path = write_results(self.folder / "results.json", {"context": kContext, "benchmarks": rows})
         found = findings.of_error(results.load([path])[0], "ward", 1)
