@@ -1,0 +1,201 @@
+"""What a figure is, and how it becomes files: SVG for the report, one-column PDF for a paper, data as CSV.
+
+A figure script defines one Figure and calls `main(FIGURE)`; figures.py lists them all.
+"""
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import textwrap
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Callable
+
+import style  # first: it chooses matplotlib's backend
+
+import matplotlib
+import pandas as pd
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure as Canvas
+
+from results import InputError, Setup, load
+from style import Layout, kColumn, kReport
+
+
+class Omitted(Exception):
+    """This figure has nothing to show; the message says why."""
+
+
+@dataclass
+class Panel:
+    title: str
+    draw: Callable[[matplotlib.axes.Axes, Layout], None]
+    subtitle: str = ""
+
+
+@dataclass
+class Plate:
+    """Panels that share a page, their legend and their axis titles."""
+    slug: str
+    title: str
+    panels: list[Panel]
+    handles: Callable[[Layout], list]
+    x_label: str
+    y_label: str
+    footnote: str = ""
+    columns: tuple[int, int] = (3, 2)           # panels side by side: report, one-column PDF
+    heights: tuple[float, float] = (1.75, 1.05)  # of a panel, inches
+    left: tuple[float, float] = (0.36, 0.26)     # room for tick labels, inches
+
+
+@dataclass
+class Built:
+    table: pd.DataFrame
+    plates: list[Plate]
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Figure:
+    name: str
+    title: str
+    how_to_read: str
+    build: Callable[[Setup], Built]  # raises Omitted
+
+
+@dataclass
+class Written:
+    figure: Figure
+    plates: list[tuple[str, Path]]  # title, SVG
+    pdf: Path
+    csv: Path
+    notes: list[str]
+
+
+def compose(plate: Plate, layout: Layout) -> list[Canvas]:
+    """The pages of a plate; all measures in inches so that pages of one format look alike."""
+    which = 1 if layout.small else 0
+    point = layout.font / 72
+    columns = max(1, min(len(plate.panels), plate.columns[which]))
+    outer_left, gap_x, right = point * 1.7, point * 0.9, point * 0.9
+    cell_width = (layout.width - outer_left - right) / (columns if layout.small else plate.columns[which])
+    width = layout.width if layout.small else max(outer_left + right + columns * cell_width, 4.6)
+    cell_width = (width - outer_left - right) / columns
+    wrap = max(12, int((cell_width - plate.left[which]) / (point * 0.49)))
+    titles = [textwrap.wrap(p.title, wrap)[:2] or [""] for p in plate.panels]
+    subtitles = [textwrap.wrap(p.subtitle, int(wrap * 1.15))[:2] for p in plate.panels]
+    under = point * 1.12 * max(len(s) for s in subtitles)
+    title_height = point * (0.9 + 1.2 * max(len(t) for t in titles)) + under
+    height = plate.heights[which]
+    if layout.small and len(plate.panels) <= columns:
+        height *= 1.35
+    cell_height = title_height + height + point * 1.9
+    handles = plate.handles(layout)
+    # Characters are about half as wide as high; a handle takes three characters and its padding.
+    entry = max([len(h.get_label()) for h in handles], default=0) * point * 0.52 + point * 4.2
+    legend_columns = max(1, min(len(handles), int(width / entry))) if handles else 1
+    legend_height = math.ceil(len(handles) / legend_columns) * point * 1.45 + point * 0.6 if handles else 0.0
+    foot = textwrap.wrap(plate.footnote, max(20, int(width / (point * 0.46)))) if plate.footnote else []
+    top, bottom = point * 1.9, point * 1.8 + legend_height + len(foot) * point * 1.25
+    fit = len(plate.panels)  # rows a page holds
+    if math.isfinite(layout.max_height):
+        fit = max(1, int((layout.max_height - top - bottom) / cell_height))
+    pages = []
+    for start in range(0, len(plate.panels), fit * columns):
+        chosen = list(zip(plate.panels, titles, subtitles))[start:start + fit * columns]
+        rows = math.ceil(len(chosen) / columns)
+        total = top + rows * cell_height + bottom
+        canvas = Canvas(figsize=(width, total))
+        canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, plate.title, va="top",
+                    fontweight="bold",
+                    fontsize=layout.font * 1.06)
+        for index, (panel, title, subtitle) in enumerate(chosen):
+            row, column = divmod(index, columns)
+            x = outer_left + column * cell_width + plate.left[which]
+            y = total - top - row * cell_height - title_height - height
+            axes = canvas.add_axes([x / width, y / total,
+                                    (cell_width - plate.left[which] - gap_x) / width, height / total])
+            panel.draw(axes, layout)
+            axes.set_title("\n".join(title), linespacing=1.1, pad=(under + point * 0.45) * 72)
+            axes.text(0, 1 + point * 0.35 / height, "\n".join(subtitle), transform=axes.transAxes,
+                      va="bottom",
+                      fontsize=layout.font * 0.86, color="#666666", linespacing=1.15)
+        middle = (total - top - rows * cell_height + total - top) / 2 / total
+        canvas.text(point * 0.35 / width, middle, plate.y_label, rotation=90, va="center", ha="left")
+        canvas.text((outer_left + plate.left[which] + width - right) / 2 / width,
+                    (bottom - point * 1.4) / total, plate.x_label, va="bottom", ha="center")
+        if handles:
+            canvas.legend(handles=handles, loc="lower center", ncol=legend_columns, columnspacing=1.2,
+                          bbox_to_anchor=(0.5, len(foot) * point * 1.25 / total), handlelength=2.4,
+                          handletextpad=0.5, borderaxespad=0.2, labelspacing=0.4)
+        if foot:
+            canvas.text(outer_left * 0.4 / width, point * 0.2 / total, "\n".join(foot), va="bottom",
+                        fontsize=layout.font * 0.9, color="#555555", linespacing=1.2)
+        pages.append(canvas)
+    return pages
+
+
+def write(figure: Figure, setup: Setup, folder: Path) -> Written:
+    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`."""
+    built = figure.build(setup)
+    folder.mkdir(parents=True, exist_ok=True)
+    csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"
+    built.table.to_csv(csv, index=False, float_format="%.10g")
+    images = []
+    with matplotlib.rc_context(style.settings(kColumn)):
+        with PdfPages(pdf, metadata={"Title": figure.title, "CreationDate": None}) as pages:
+            for plate in built.plates:
+                for canvas in compose(plate, kColumn):
+                    pages.savefig(canvas)
+    with matplotlib.rc_context(style.settings(kReport)):
+        for plate in built.plates:
+            path = folder / (f"{figure.name}.svg" if len(built.plates) == 1
+                             else f"{figure.name}-{plate.slug}.svg")
+            compose(plate, kReport)[0].savefig(path, metadata={"Date": None})
+            images.append((plate.title, path))
+    return Written(figure, images, pdf, csv, built.notes)
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Bad usage is one line on standard error and exit status 2, like every other error."""
+
+    def error(self, message):
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
+def parser(description: str) -> OneLineParser:
+    made = OneLineParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made.add_argument("results", nargs="+", metavar="RESULTS", type=Path,
+                      help="results.json of icbench; files of one "
+                      "machine and build are pooled, others get a set of figures of their own")
+    made.add_argument("--out", type=Path, metavar="DIR",
+                      help="where the files go (default: beside the first RESULTS)")
+    return made
+
+
+def folder_of(setup: Setup, setups: list[Setup], out: Path) -> Path:
+    """Several setups are kept apart by a folder each."""
+    return out if len(setups) == 1 else out / setup.slug
+
+
+def main(figure: Figure) -> int:
+    """The command line of one figure script; returns the exit status."""
+    arguments = parser(f"{figure.title}.\n\n" + textwrap.fill(figure.how_to_read, 100)).parse_args()
+    out = arguments.out or arguments.results[0].parent
+    try:
+        setups = load(arguments.results)
+        for setup in setups:
+            try:
+                done = write(figure, setup, folder_of(setup, setups, out))
+            except Omitted as why:
+                print(f"{figure.name}: left out for {setup.label}: {why}")
+                continue
+            for path in [done.csv, done.pdf, *(image for _, image in done.plates)]:
+                print(path)
+            for note in done.notes:
+                print(f"note: {note}")
+    except (InputError, OSError) as error:
+        print(f"{Path(sys.argv[0]).name}: {error}", file=sys.stderr)
+        return 2
+    return 0

@@ -1,0 +1,14 @@
+"""The figures of the report, in its order. A new figure is one file and one entry here."""
+import cas_failures
+import contention_map
+import efficiency
+import latency
+import lock_wait
+import redundant_records
+import speed_error
+import speedup
+import throughput
+import utilisation
+
+FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, speed_error, latency,
+                                        lock_wait, utilisation, redundant_records, cas_failures)]

@@ -1,0 +1,252 @@
+#!/usr/bin/env python3
+"""Builds report.html, one self-contained page, and all figures from results files of icbench."""
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+from string import Template
+
+import style  # first: it chooses matplotlib's backend
+
+from PIL import Image
+
+import tables
+from cautions import cautions
+from figure import Omitted, Written, folder_of, parser, write
+from figures import FIGURES
+from findings import Finding, findings
+from over_threads import cache_rows
+from results import InputError, Setup, load, summarise
+from tables import note_line, text
+
+kTemplate = Path(__file__).resolve().parent / "template.html"
+kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
+kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
+kLongestValue = 600      # characters of an environment value that are shown
+kIntroduction = """<h1>Shared irradiance caches, measured</h1>
+<p class="lead">An irradiance cache keeps the indirect light that a ray tracer has computed at some points, so
+that all its threads can reuse it nearby. This report compares ways to let many threads read and write such a
+cache at once.</p>
+"""
+kHowNumbersAreMade = """<p class="note">Numbers are medians over repetitions; brackets are 95 % bootstrap
+intervals. A ratio is the median of ratios paired by repetition, and names its base.</p>
+"""
+
+
+def _data_uri(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _svg(path: Path) -> bytes:
+    """The drawing made small: no document type or metadata (they name addresses elsewhere), no needless
+    digits, and each style spelled out once.
+    """
+    drawing = path.read_text(encoding="utf-8")
+    drawing = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", drawing[drawing.index("<svg"):], flags=re.S)
+    drawing = re.sub(r'<g id="[A-Za-z0-9]+_\d+">', "<g>", drawing)
+    drawing = re.sub(r"(scale\([^)]*\))|(\d\.\d\d)\d+", lambda m: m[1] or m[2], drawing)
+    names: dict[str, str] = {}
+    drawing = re.sub(r'(?<= )style="([^"]*)"',
+                     lambda m: f'class="{names.setdefault(m[1], f"s{len(names)}")}"', drawing)
+    sheet = "".join(f".{name}{{{rule}}}" for rule, name in names.items())
+    drawing = drawing.replace("<defs>", f"<style>{sheet}</style><defs>", 1)
+    return re.sub(r"\s+", " ", drawing).replace("> <", "><").encode()
+
+
+def _card(finding: Finding) -> str:
+    value, bracket, rest = finding.value.partition(" [")
+    shown = text(value) + (f" <span>[{text(rest)}</span>" if bracket else "")
+    return (f'<div class="card"><div class="what">{text(finding.title)}</div><div class="value">{shown}</div>'
+            f'<div>{text(finding.text)}</div><div class="base">{text(finding.base)}</div></div>')
+
+
+def _summary(setup: Setup) -> str:
+    """What was measured, on what, and the findings: one screen."""
+    rows, context = setup.rows, setup.context
+    cached = cache_rows(setup)
+    repetitions = summarise(rows, ["panel", "cache", "threads"], "seconds")["n"]
+    span = " to ".join(str(n) for n in sorted({repetitions.min(), repetitions.max()}))
+    kinds = ", ".join(dict.fromkeys(k.replace("_", " ") for k in rows["workload_kind"] if k))
+    what = "; ".join((
+        f"{style.plural(cached['cache'].nunique(), 'cache')} on "
+        f"{style.plural(cached['structure'].nunique(), 'structure')}",
+        f"{style.plural(rows['workload'].nunique(), 'workload')} ({kinds})",
+        f"threads: {', '.join(style.thread_label(t) for t in sorted(rows['threads'].unique()))}",
+        f"repetitions a cell: {span}", f"{style.plural(len(rows), 'trial')} in all"))
+    counts = ((setup.packages, "socket"), (setup.cores, "core"), (setup.processing_units, "processing unit"))
+    where = [context.get("cpu_model") or context.get("cpu")]
+    where += [style.plural(count, word) for count, word in counts if count]
+    where.append(context.get("compiler"))
+    where.append(f"commit {str(context['commit'])[:12]}" if context.get("commit") else None)
+    where += sorted(str(c["date"])[:16] for c in setup.contexts if c.get("date"))[:1]
+    place = "; ".join(str(part) for part in where if part) or "the file does not say"
+    cards = "".join(map(_card, findings(setup)))
+    if not cards:
+        cards = ('<div class="card">The rows carry no comparison of a lock with anything else on one '
+                 "structure, and no errors beside path tracing, so there is no headline.</div>")
+    return (f'<div class="facts"><div><b>What was measured</b>{text(what)}</div>'
+            f'<div><b>On what</b>{text(place)}</div></div>'
+            f'<div class="cards">{cards}</div>{kHowNumbersAreMade}')
+
+
+def _warnings(setup: Setup) -> str:
+    items = "".join(f'<li class="{"grave" if c.grave else ""}">{text(c.text)}</li>' for c in cautions(setup))
+    return f'<ul class="warnings">{items}</ul>' if items else "<p>None.</p>"
+
+
+def _pictures(setup: Setup) -> str:
+    """images/*.png beside the results, with what NAME.json says about them."""
+    made = []
+    for folder in dict.fromkeys(path.resolve().parent / "images" for path in setup.paths):
+        for path in sorted(folder.glob("*.png")):
+            try:
+                picture = Image.open(path)
+                picture.load()
+            except (OSError, SyntaxError, Image.DecompressionBombError):
+                made.append(f'<p class="note">{text(path.name)} is not a picture that can be read.</p>')
+                continue
+            data = path.read_bytes()
+            if max(picture.size) > kPicturePixels:
+                picture.thumbnail((kPicturePixels, kPicturePixels))
+                buffer = io.BytesIO()
+                picture.save(buffer, "PNG", optimize=True)
+                data = buffer.getvalue()
+            about = text(_about_picture(path))
+            made.append(f'<figure><img src="{_data_uri("image/png", data)}" alt="{about}">'
+                        f"<figcaption>{about}</figcaption></figure>")
+    return f'<div class="pictures">{"".join(made)}</div>' if made else ""
+
+
+def _about_picture(path: Path) -> str:
+    """The caption from NAME.json, or the name."""
+    try:
+        said = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        said = None
+    if not isinstance(said, dict):
+        return path.stem.replace("_", " ")
+    words = [str(said[key]).replace("_", " ") if key != "cache" else f"cache {said[key]}"
+             for key in ("scene", "integrator", "cache") if said.get(key) not in (None, "", "none")]
+    if isinstance(said.get("seconds"), (int, float)):
+        words.append(style.duration(said["seconds"]))
+    return ", ".join(words) or path.stem.replace("_", " ")
+
+
+def _shown(value) -> str:
+    """An environment value as text; long ones (pin maps of many threads) are cut, and say so."""
+    if isinstance(value, list) and not any(isinstance(v, (dict, list)) for v in value):
+        value = ", ".join(map(str, value))
+    elif not isinstance(value, (str, int, float)):
+        value = json.dumps(value)
+    value = str(value)
+    if len(value) > kLongestValue:
+        return f"{value[:kLongestValue]} … ({len(value):,} characters)"
+    return value
+
+
+def _environment(setup: Setup, command: str) -> str:
+    out = f"<p>This page was made with</p><pre>{text(command)}</pre>"
+    for path, context in zip(setup.paths, setup.contexts):
+        ran = context.get("command_line") or "the file does not say"
+        ran = shlex.join(map(str, ran)) if isinstance(ran, list) else ran
+        lines = "".join(f'<tr><td>{text(key)}</td><td class="raw">{text(_shown(value))}</td></tr>'
+                        for key, value in context.items() if key != "command_line")
+        out += (f"<h3>{text(path)}</h3><p>Measured with</p><pre>{text(ran)}</pre>"
+                f"<table><tbody>{lines}</tbody></table>")
+    return out
+
+
+def _figure(number: int, done: Written, prefix: str) -> str:
+    plates = []
+    for title, path in done.plates:
+        drawing = _svg(path)
+        width = float(re.search(rb'width="([0-9.]+)pt"', drawing)[1]) * kPixelsPerPoint
+        plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
+                      f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
+    first, *others = plates
+    folder = done.pdf.parent.name
+    return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{number}. {text(done.figure.title)}</h3>'
+            f'<div class="read"><b>How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>'
+            f'{"".join(others)}{"".join(map(note_line, done.notes))}'
+            f'<p class="note">For a paper: <code>{text(folder)}/{text(done.pdf.name)}</code>; the numbers: '
+            f"<code>{text(folder)}/{text(done.csv.name)}</code></p>")
+
+
+def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
+    """All figures, and a line for each that is left out."""
+    drawn, left_out = [], []
+    for figure in FIGURES:
+        print(f"figure {figure.name}: ", end="", flush=True)
+        try:
+            drawn.append(write(figure, setup, folder))
+            print("done")
+        except Omitted as why:
+            left_out.append(f"{figure.title}: left out, {why}")
+            print(f"left out, {why}")
+    return drawn, left_out
+
+
+def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool) -> str:
+    """Everything about one setup; its figures are written to `folder`."""
+    drawn, left_out = _draw(setup, folder)
+    figures = "".join(map(note_line, left_out))
+    figures += "".join(_figure(number, done, prefix) for number, done in enumerate(drawn, 1))
+    numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
+               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
+    parts = [  # anchor, heading, link, starts a printed page, content
+        ("warnings", "Before you believe a number", style.plural(len(cautions(setup)), "warning"), False,
+         _warnings(setup)),
+        ("leaders", "Best mechanism per workload", "Best mechanisms", False, tables.best_mechanisms(setup)),
+        ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
+        ("figures", "Figures", "Figures", True, figures),
+        ("tables", "Tables", "Tables", True, numbers),
+        ("environment", "Environment", "Environment", True, _environment(setup, command))]
+    parts = [part for part in parts if part[4]]
+    out = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if several else ""
+    if setup.complete is False:
+        out += ('<div class="banner">Incomplete results: the run was cut short, and what follows shows only '
+                "what was measured until then.</div>")
+    links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
+    out += f"<nav>{links}</nav>{_summary(setup)}"
+    for anchor, heading, _, page, content in parts:
+        out += f'<h2 class="{"" if page else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
+    return out
+
+
+def build(paths: list[Path], out: Path, command: str) -> Path:
+    """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError."""
+    setups = load(paths)
+    several = len(setups) > 1
+    out.mkdir(parents=True, exist_ok=True)
+    body, label = kIntroduction, setups[0].label
+    if several:
+        label = f"{len(setups)} machines or builds"
+        names = "; ".join(s.label for s in setups)
+        body += (f'<p class="lead">The files come from {label} ({text(names)}). Each has a part of its own '
+                 "below: nothing is merged or compared across them.</p>")
+    for setup in setups:
+        prefix = f"{setup.slug}-" if several else ""
+        body += section(setup, folder_of(setup, setups, out / "figures"), command, prefix, several)
+    page = out / "report.html"
+    template = Template(kTemplate.read_text(encoding="utf-8"))
+    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")
+    return page
+
+
+def main() -> int:
+    arguments = parser(__doc__).parse_args()
+    try:
+        print(build(arguments.results, arguments.out or arguments.results[0].parent, shlex.join(sys.argv)))
+    except (InputError, OSError) as error:
+        print(f"report.py: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,393 @@
+"""Results files of icbench: loading, medians with bootstrap intervals, paired ratios.
+
+Input is Google Benchmark's JSON format, one entry per repetition. Files of one machine and one build are
+pooled into one Setup; different machines or builds give separate Setups and are never mixed in one figure.
+
+Intervals are 95 % percentile bootstrap intervals of the median over repetitions. Below kMinRepetitions none
+is given. Below six repetitions such an interval is hardly more than the range of the samples and covers less
+than 95 %.
+"""
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+kMinRepetitions = 3
+kResamples = 2000
+kConfidence = 0.95
+kNoisy = 0.10  # IQR over median above which a group of repetitions is reported as noisy
+
+# Files that agree in these measured the same program in the same circumstances and may be pooled.
+kIdentityKeys = (
+    "host_name", "cpu_model", "cpu", "num_cpus", "cores", "packages", "machine", "allowed_units", "kernel",
+    "governor", "boost", "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty",
+    "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
+# Differences in these need no remark when files are pooled.
+kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
+             "configuration", "configuration_hash", "resumed"}
+
+kSecondsPerUnit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
+kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency",
+                "placement", "scene", "integrator", "order", "time_unit", "run_type", "error_message",
+                "run_name")
+kNumericColumns = (
+    "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
+    "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
+    "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "rays",
+    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect")
+kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
+
+
+class InputError(Exception):
+    """What is wrong with the input, where, and how to mend it, in one line."""
+
+
+@dataclass
+class Setup:
+    """Everything measured by one build on one machine."""
+    label: str
+    slug: str
+    context: dict
+    contexts: list[dict]
+    paths: list[Path]
+    rows: pd.DataFrame
+    remarks: list[str] = field(default_factory=list)
+
+    def _topology(self, *names: str) -> int | None:
+        """A count of what the run was allowed to use, else of the whole machine."""
+        context = self.context
+        for part in (context.get("allowed"), context, context.get("machine")):
+            for name in names if isinstance(part, dict) else ():
+                if _count(part.get(name)):
+                    return _count(part[name])
+        return None
+
+    @property
+    def processing_units(self) -> int | None:
+        return self._topology("units", "num_cpus")
+
+    @property
+    def cores(self) -> int | None:
+        return self._topology("cores") or self.processing_units
+
+    @property
+    def packages(self) -> int | None:
+        return self._topology("packages")
+
+    @property
+    def boundaries(self) -> list[tuple[int, str]]:
+        """(threads, kind) of every topology boundary, in the order of threads."""
+        found = set()
+        listed = self.context.get("boundaries")
+        for boundary in listed if isinstance(listed, list) else []:
+            threads = _count(boundary.get("threads")) if isinstance(boundary, dict) else None
+            if threads:
+                found.add((threads, str(boundary.get("kind", "boundary"))))
+        return sorted(found)
+
+    @property
+    def complete(self) -> bool | None:
+        """False as soon as one file says so; None when none of them says anything."""
+        said = [c["complete"] for c in self.contexts if "complete" in c]
+        return all(_truth(s) for s in said) if said else None
+
+
+def _count(value) -> int | None:
+    try:
+        number = int(float(value))
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return number if number > 0 else None
+
+
+def _truth(value) -> bool:
+    return value.strip().lower() in ("true", "1", "yes") if isinstance(value, str) else bool(value)
+
+
+def is_lock(mechanism: str) -> bool:
+    """Whether a mechanism name is that of a lock, of any kind."""
+    text = str(mechanism).lower().replace("-", "_").replace(" ", "_")
+    return bool(re.search(r"mutex|spin|queu|(^|_)rw(_|$)|(^|_)lck(_|$)|(^|_)lock(ed|s)?(?!_free)(_|$)", text))
+
+
+def is_wait_free(mechanism: str) -> bool:
+    return "wait_free" in str(mechanism).lower().replace("-", "_").replace(" ", "_")
+
+
+def workload_parameters(workload: str) -> dict[str, str]:
+    """{"rays": "64", "a": "0.2"} of "cornell_box:rays=64:a=0.2"."""
+    return dict(part.split("=", 1) for part in workload.split(":")[1:] if "=" in part)
+
+
+def workload_label(workload: str) -> str:
+    """A workload's name for people: "mix 90/10, hot spot" of "mix_90_10:order=hot_spot"."""
+    base, *rest = workload.split(":")
+    mix = re.fullmatch(r"mix_(\d+)_(\d+)", base)
+    words = [f"mix {mix[1]}/{mix[2]}" if mix else base.replace("_", " ")]
+    for part in rest:
+        key, _, value = part.partition("=")
+        value = value.replace("_", " ")
+        known = {"cost": f"{value} µs a record", "rays": f"{value} rays", "a": f"a = {value}",
+                 "order": value}
+        words.append(known.get(key, f"{key.replace('_', ' ')} {value}".strip()))
+    return ", ".join(words)
+
+
+def workload_order(rows: pd.DataFrame) -> list[str]:
+    """Workloads in a stable reading order: by kind, then by name with numbers compared as numbers."""
+    kinds = ["read_only", "mix", "insert_only", "miss_driven", "ray_traced"]
+    pairs = rows[["workload", "workload_kind"]].drop_duplicates("workload").itertuples(index=False)
+
+    def key(pair):
+        rank = kinds.index(pair.workload_kind) if pair.workload_kind in kinds else len(kinds)
+        pieces = re.split(r"(\d+(?:\.\d+)?)", pair.workload)
+        return rank, [(float(p), "") if i % 2 else (0.0, p) for i, p in enumerate(pieces)]
+    return [pair.workload for pair in sorted(pairs, key=key)]
+
+
+def _read(path: Path) -> tuple[dict, list]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; make one with `icbench sweep --out FILE`") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: not a text file; a results file of icbench is JSON") from None
+    try:
+        data = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        where = f"line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "nested too deep"
+        raise InputError(f"{path}: not JSON ({where}); a results file of icbench is expected") from None
+    if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
+        raise InputError(f"{path}: no \"benchmarks\" list; a results file in Google Benchmark's format is "
+                         "expected")
+    if not isinstance(data.get("context"), dict):
+        raise InputError(f"{path}: no \"context\"; without it nobody knows which machine this was")
+    return data["context"], [entry for entry in data["benchmarks"] if isinstance(entry, dict)]
+
+
+def _infer_kind(workload: str, scene) -> str:
+    base = workload.split(":")[0]
+    if base.startswith("mix"):
+        return "mix"
+    return base if base in ("read_only", "insert_only", "miss_driven") else "ray_traced" if scene else "other"
+
+
+def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path) -> pd.DataFrame:
+    """The usable repetitions of one file with the columns of this module, typed, absent numbers as NaN."""
+    rows = pd.DataFrame.from_records([e for e in entries if e.get("run_type", "iteration") == "iteration"])
+    if rows.empty:
+        return rows
+    failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
+    if failed.any():
+        remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")
+        rows = rows[~failed]
+    for column in kTextColumns:
+        rows[column] = rows[column].fillna("").astype(str) if column in rows else ""
+    parts = rows["name"].str.extract(r"^[^/]+/(?P<workload>.+)/(?P<cache>[^/]+)/threads:(?P<threads>\d+)")
+    for column in ("workload", "cache"):
+        rows[column] = rows[column].where(rows[column] != "", parts[column].fillna(""))
+    if "threads" not in rows:
+        rows["threads"] = parts["threads"]
+    numeric = set(kNumericColumns) | {c for c in rows if c.startswith("latency_")}
+    for column in sorted(numeric):
+        values = pd.to_numeric(rows[column], errors="coerce") if column in rows else np.nan
+        rows[column] = pd.Series(values, rows.index, dtype=float).replace([np.inf, -np.inf], np.nan)
+    usable = (rows["workload"] != "") & (rows["cache"] != "") & (rows["threads"] >= 1)
+    if not usable.all():
+        remarks.append(f"{(~usable).sum()} rows of {path.name} name no workload, cache or threads and are "
+                       "left out")
+    rows = rows[usable].copy()
+    if rows.empty:
+        return rows
+    rows["threads"] = rows["threads"].astype(int)
+    for parameter, column in kWorkloadParameters.items():
+        parsed = rows["workload"].map(lambda w, p=parameter: workload_parameters(w).get(p))
+        rows[column] = rows[column].fillna(pd.to_numeric(parsed, errors="coerce"))
+    for column in ("structure", "mechanism"):
+        rows[column] = rows[column].replace("", "unknown")
+    rows["placement"] = rows["placement"].replace("", str(context.get("placement", "")))
+    inferred = [_infer_kind(w, s) for w, s in zip(rows["workload"], rows["scene"])]
+    rows["workload_kind"] = rows["workload_kind"].where(rows["workload_kind"] != "", inferred)
+    rows["seconds"] = rows["real_time"] * rows["time_unit"].map(kSecondsPerUnit).fillna(1e-9)
+    units = Setup("", "", context, [], [], rows).processing_units
+    beyond = rows["threads"] > units if units else pd.Series(False, rows.index)
+    if "oversubscribed" in rows:
+        rows["oversubscribed"] = rows["oversubscribed"].fillna(beyond).astype(bool)
+    else:
+        rows["oversubscribed"] = beyond
+    counted = rows.groupby(["name", "cache", "workload", "threads", "placement"]).cumcount()
+    rows["repetition_index"] = rows["repetition_index"].fillna(counted).astype(int)
+    rows["run"] = run
+    # One cell may be measured by two parts of a run (sweep and pareto); `take` tells their repetitions apart.
+    rows["take"] = rows.groupby(["cache", "workload", "threads", "placement", "spp", "repetition_index"],
+                                dropna=False).cumcount()
+    return rows
+
+
+def _identity(context: dict, keys) -> tuple:
+    return tuple(json.dumps(context.get(key), sort_keys=True) for key in keys)
+
+
+def _slug(text: str) -> str:
+    return re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-").lower() or "setup"
+
+
+def load(paths) -> list[Setup]:
+    """Reads results files and sorts them into setups (one machine, one build each).
+
+    Raises InputError for a file that is missing, no results file, or when nothing usable is in any of them.
+    """
+    groups: dict[tuple, Setup] = {}
+    frames: dict[tuple, list[pd.DataFrame]] = {}
+    seen = set()
+    for run, path in enumerate(Path(p) for p in paths):
+        if os.path.realpath(path) in seen:
+            continue
+        seen.add(os.path.realpath(path))
+        context, entries = _read(path)
+        key = _identity(context, kIdentityKeys)
+        if key not in groups:
+            groups[key] = Setup("", "", context, [], [], pd.DataFrame())
+            frames[key] = []
+        setup = groups[key]
+        setup.contexts.append(context)
+        setup.paths.append(path)
+        frames[key].append(_tidy(entries, context, run, setup.remarks, path))
+    setups = []
+    for key, setup in groups.items():
+        parts = [f for f in frames[key] if not f.empty]
+        if not parts:
+            continue
+        rows = pd.concat(parts, ignore_index=True)
+        again = rows.duplicated(["name", "cache", "threads", "placement", "repetition_index", "real_time",
+                                 "cpu_time"])
+        if again.any():
+            setup.remarks.append(f"{again.sum()} rows occur twice in the files and count once")
+            rows = rows[~again].reset_index(drop=True)
+        several = rows["placement"].nunique() > 1
+        names = {w: workload_label(w) for w in rows["workload"].unique()}
+        rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
+        setup.rows = rows
+        keys = set().union(*setup.contexts) - kFreeKeys
+        unequal = sorted(k for k in keys if len({_identity(c, [k]) for c in setup.contexts}) > 1)
+        if unequal:
+            setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
+        setups.append(setup)
+    if not setups:
+        raise InputError(f"{', '.join(str(p) for p in paths)}: no rows; run the sweep again, or without "
+                         "--dry-run")
+    _label(setups)
+    return setups
+
+
+def _label(setups: list[Setup]) -> None:
+    """Names each setup by its machine, and by what tells it from others of the same name."""
+    def name(setup):
+        return str(setup.context.get("host_name") or setup.context.get("cpu_model") or "unknown machine")
+
+    for setup in setups:
+        alike = [other.context for other in setups if name(other) == name(setup)]
+        differing = [k for k in kIdentityKeys if len({_identity(c, [k]) for c in alike}) > 1]
+        details = [f"{key.replace('_', ' ')} {str(setup.context.get(key, 'unknown'))[:40]}"
+                   for key in differing]
+        setup.label = ", ".join([name(setup), *details])
+    taken: set[str] = set()
+    for setup in setups:
+        base, count = _slug(setup.label)[:80], 2
+        setup.slug = base
+        while setup.slug in taken:
+            setup.slug, count = f"{base}-{count}", count + 1
+        taken.add(setup.slug)
+
+
+@lru_cache(maxsize=256)
+def _resampled_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Ranks of the two middle values in kResamples resamples of n sorted values.
+
+    They depend on n alone, so one draw serves all groups of n samples; the result equals resampling the
+    values.
+    """
+    random = np.random.default_rng(n)
+    low, high = np.empty(kResamples, int), np.empty(kResamples, int)
+    step = max(1, 2_000_000 // n)
+    for start in range(0, kResamples, step):
+        size = min(step, kResamples - start)
+        ranks = np.sort(random.integers(0, n, (size, n)), axis=1)
+        low[start:start + size] = ranks[:, (n - 1) // 2]
+        high[start:start + size] = ranks[:, n // 2]
+    return low, high
+
+
+def median_intervals(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Median, low and high of each row of `samples`; low and high are NaN below kMinRepetitions columns."""
+    groups, n = samples.shape
+    ordered = np.sort(samples, axis=1)
+    median = np.median(ordered, axis=1)
+    low, high = np.full(groups, np.nan), np.full(groups, np.nan)
+    if n >= kMinRepetitions:
+        first, second = _resampled_middles(n)
+        tail = 50 * (1 - kConfidence)
+        for start in range(0, groups, 500):
+            part = ordered[start:start + 500]
+            low[start:start + 500], high[start:start + 500] = np.percentile(
+                (part[:, first] + part[:, second]) / 2, [tail, 100 - tail], axis=1)
+    return median, low, high
+
+
+def summarise(rows: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
+    """One line per group: keys, n, median, low, high, spread (IQR over median). NaN values do not count."""
+    rows = rows[rows[value].notna()]
+    columns = [*keys, "n", "median", "low", "high", "spread"]
+    if rows.empty:
+        return pd.DataFrame(columns=columns)
+    ordered = rows.sort_values(keys, kind="stable")
+    heads = ordered[keys].ne(ordered[keys].shift()).any(axis=1).to_numpy()
+    starts = np.flatnonzero(heads)
+    sizes = np.diff(np.append(starts, len(ordered)))
+    values = ordered[value].to_numpy(float)
+    out = ordered.iloc[starts][keys].reset_index(drop=True)
+    result = {c: np.full(len(starts), np.nan) for c in columns[len(keys) + 1:]}
+    for n in np.unique(sizes):
+        which = np.flatnonzero(sizes == n)
+        samples = values[starts[which][:, None] + np.arange(n)[None, :]]
+        median, low, high = median_intervals(samples)
+        quarter, three = np.percentile(samples, [25, 75], axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            spread = np.where(median != 0, (three - quarter) / np.abs(median), np.nan)
+        for column, data in zip(result, (median, low, high, spread)):
+            result[column][which] = data
+    return out.assign(n=sizes, **result)
+
+
+kPairKeys = ["run", "repetition_index", "take"]
+
+
+def paired(rows: pd.DataFrame, base: pd.DataFrame, on: list[str], value: str) -> pd.DataFrame:
+    """`rows` with a column `ratio`: value over the base's value in the same run and repetition.
+
+    `on` are the columns that must agree besides run and repetition; pairs without a positive base are
+    dropped.
+    """
+    keys = [*on, *kPairKeys]
+    base = base[base[value] > 0].drop_duplicates(keys)[[*keys, value]].rename(columns={value: "base_value"})
+    merged = rows[rows[value].notna()].merge(base, on=keys, how="inner")
+    return merged.assign(ratio=merged[value] / merged["base_value"])
+
+
+def interval_of(samples) -> tuple[float, float, float, int]:
+    """(median, low, high, n) of one list of samples; NaN where it says nothing."""
+    clean = np.asarray([s for s in samples if s is not None and math.isfinite(s)], float)
+    if not clean.size:
+        return math.nan, math.nan, math.nan, 0
+    median, low, high = median_intervals(clean[None, :])
+    return float(median[0]), float(low[0]), float(high[0]), clean.size
