@@ -52,7 +52,7 @@ void irradiance_cache_tile(Session& session, Tracer& tracer, const PrimaryHits& 
                            const IrradianceCacheParams& params, const Tile& tile, Image& indirect,
                            CacheUse& use) noexcept {
   const auto pixels = static_cast<std::uint32_t>(primary.hits.size());
-  for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
+  for_each_pixel_coarse_to_fine(tile, primary.width, [&](std::uint32_t pixel) {
     const Hit& hit = primary.hits[pixel];
     if (!reflects(tracer.shared(), hit)) {
       indirect.pixels[pixel] = glm::vec3(0.0f);
