@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Failed compare-and-swap operations per insert."""
 import sys
 

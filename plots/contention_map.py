@@ -1,8 +1,10 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Contention map: where going without locks pays, over threads and the cost of a record."""
 import math
 import sys
 from functools import partial
+
+import style  # first: it checks what is installed
 
 import numpy as np
 import pandas as pd
@@ -10,7 +12,6 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-import style
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import cache_rows
 from results import Setup, is_lock, is_wait_free, kMinRepetitions, paired, summarise, workload_label

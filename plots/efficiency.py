@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Parallel efficiency against threads: how much of each added thread arrives."""
 import sys
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
 
-import style  # first: it chooses matplotlib's backend
+import style  # first: it checks what is installed
 
 import matplotlib
 import pandas as pd
@@ -137,7 +137,13 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
 
 
 def write(figure: Figure, setup: Setup, folder: Path) -> Written:
-    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`."""
+    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`.
+
+    Files that an earlier run left there under these names are removed first, also when the figure is Omitted.
+    """
+    for pattern in ("{}.csv", "{}.pdf", "{}.svg", "{}-*.svg"):
+        for stale in folder.glob(pattern.format(figure.name)):
+            stale.unlink()
     built = figure.build(setup)
     folder.mkdir(parents=True, exist_ok=True)
     csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"

@@ -1,12 +1,13 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Latency percentiles of queries and inserts per cache."""
 import re
 import sys
 
+import style  # first: it checks what is installed
+
 import pandas as pd
 from matplotlib import ticker
 
-import style
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import (cache_handles, cache_rows, groups_of, interval_note, kGroupKeys, panels_of,
                           thread_marks)

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Share of the threads' time that is spent waiting for locks."""
 import sys
 

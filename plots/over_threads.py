@@ -123,19 +123,20 @@ def _fastest(setup: Setup, rows: pd.DataFrame, caches: list[str], value: str) ->
 def draw_topology(axes, setup: Setup, rows: pd.DataFrame) -> None:
     """Lines at topology boundaries; a shade where there are more threads than processing units."""
     low, high = axes.get_xlim()
-    for threads, kind in _marked(setup):
+    for threads, kind in _marked(setup, rows):
         place = math.sqrt(threads * (threads - 1))  # between the last count before it and the first beyond
-        if low < place < high:
-            axes.axvline(place, color="#8a8a8a", linewidth=0.8, linestyle=kBoundaryLines.get(kind, "-"),
-                         zorder=0.6)
+        axes.axvline(place, color="#8a8a8a", linewidth=0.8, zorder=0.6,
+                     linestyle=kBoundaryLines.get(kind, "-"))
     edge = oversubscribed_from(setup, rows)
     if edge is not None and edge < high:
         axes.axvspan(max(edge, low), high, color=kShade, zorder=0.4, linewidth=0)
 
 
-def _marked(setup: Setup) -> list[tuple[int, str]]:
-    """Boundaries that get a line: those where compact placement starts on something new, the shade aside."""
-    return [(threads, kind) for threads, kind in setup.boundaries if threads > 1 and kind != "oversubscribed"]
+def _marked(setup: Setup, rows: pd.DataFrame) -> list[tuple[int, str]]:
+    """Boundaries that get a line: within the measured counts, except oversubscription, which is shaded."""
+    least, most = rows["threads"].min(), rows["threads"].max()
+    return [(threads, kind) for threads, kind in setup.boundaries
+            if least < threads <= most and kind != "oversubscribed"]
 
 
 def oversubscribed_from(setup: Setup, rows: pd.DataFrame) -> float | None:
@@ -152,8 +153,7 @@ def oversubscribed_from(setup: Setup, rows: pd.DataFrame) -> float | None:
 
 def topology_handles(setup: Setup, rows: pd.DataFrame) -> list:
     """Legend entries of what draw_topology drew."""
-    most, least = rows["threads"].max(), rows["threads"].min()
-    kinds = dict.fromkeys(kind for threads, kind in _marked(setup) if least < threads <= most)
+    kinds = dict.fromkeys(kind for _, kind in _marked(setup, rows))
     handles = [Line2D([], [], color="#8a8a8a", linewidth=0.8, linestyle=kBoundaryLines.get(kind, "-"),
                       label=f"{kBoundaryNames.get(kind, kind)} boundary") for kind in kinds]
     if rows["oversubscribed"].any():

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Records that were computed although another thread had, or was about to have, the same one."""
 import sys
 

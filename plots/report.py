@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Builds report.html, one self-contained page, and all figures from results files of icbench."""
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from string import Template
 
-import style  # first: it chooses matplotlib's backend
+import style  # first: it checks what is installed
 
 from PIL import Image
 
@@ -141,9 +141,8 @@ def _shown(value) -> str:
     """An environment value as text; long ones (pin maps of many threads) are cut, and say so."""
     if isinstance(value, list) and not any(isinstance(v, (dict, list)) for v in value):
         value = ", ".join(map(str, value))
-    elif not isinstance(value, (str, int, float)):
+    elif not isinstance(value, str):
         value = json.dumps(value)
-    value = str(value)
     if len(value) > kLongestValue:
         return f"{value[:kLongestValue]} … ({len(value):,} characters)"
     return value
@@ -161,7 +160,7 @@ def _environment(setup: Setup, command: str) -> str:
     return out
 
 
-def _figure(number: int, done: Written, prefix: str) -> str:
+def _figure(number: int, done: Written, prefix: str, out: Path) -> str:
     plates = []
     for title, path in done.plates:
         drawing = _svg(path)
@@ -169,12 +168,11 @@ def _figure(number: int, done: Written, prefix: str) -> str:
         plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
                       f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
     first, *others = plates
-    folder = done.pdf.parent.name
     return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{number}. {text(done.figure.title)}</h3>'
             f'<div class="read"><b>How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>'
             f'{"".join(others)}{"".join(map(note_line, done.notes))}'
-            f'<p class="note">For a paper: <code>{text(folder)}/{text(done.pdf.name)}</code>; the numbers: '
-            f"<code>{text(folder)}/{text(done.csv.name)}</code></p>")
+            f'<p class="note">For a paper: <code>{text(done.pdf.relative_to(out))}</code>; the numbers: '
+            f"<code>{text(done.csv.relative_to(out))}</code></p>")
 
 
 def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
@@ -191,11 +189,11 @@ def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
     return drawn, left_out
 
 
-def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool) -> str:
-    """Everything about one setup; its figures are written to `folder`."""
+def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str) -> str:
+    """Everything about one setup; its figures are written to `folder`, which lies in `out`."""
     drawn, left_out = _draw(setup, folder)
     figures = "".join(map(note_line, left_out))
-    figures += "".join(_figure(number, done, prefix) for number, done in enumerate(drawn, 1))
+    figures += "".join(_figure(number, done, prefix, out) for number, done in enumerate(drawn, 1))
     numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
                f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
     parts = [  # anchor, heading, link, starts a printed page, content
@@ -207,15 +205,12 @@ def section(setup: Setup, folder: Path, command: str, prefix: str, several: bool
         ("tables", "Tables", "Tables", True, numbers),
         ("environment", "Environment", "Environment", True, _environment(setup, command))]
     parts = [part for part in parts if part[4]]
-    out = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if several else ""
-    if setup.complete is False:
-        out += ('<div class="banner">Incomplete results: the run was cut short, and what follows shows only '
-                "what was measured until then.</div>")
+    page = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if prefix else ""
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
-    out += f"<nav>{links}</nav>{_summary(setup)}"
-    for anchor, heading, _, page, content in parts:
-        out += f'<h2 class="{"" if page else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
-    return out
+    page += f"<nav>{links}</nav>{_summary(setup)}"
+    for anchor, heading, _, breaks, content in parts:
+        page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
+    return page
 
 
 def build(paths: list[Path], out: Path, command: str) -> Path:
@@ -229,9 +224,14 @@ def build(paths: list[Path], out: Path, command: str) -> Path:
         names = "; ".join(s.label for s in setups)
         body += (f'<p class="lead">The files come from {label} ({text(names)}). Each has a part of its own '
                  "below: nothing is merged or compared across them.</p>")
+    cut = [s.label for s in setups if s.complete is False]
+    if cut:
+        which = f" ({text('; '.join(cut))})" if several else ""
+        body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
+                 "only what was measured until then.</div>")
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
-        body += section(setup, folder_of(setup, setups, out / "figures"), command, prefix, several)
+        body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
     page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")

@@ -115,7 +115,7 @@ def _truth(value) -> bool:
 def is_lock(mechanism: str) -> bool:
     """Whether a mechanism name is that of a lock, of any kind."""
     text = str(mechanism).lower().replace("-", "_").replace(" ", "_")
-    return bool(re.search(r"mutex|spin|queu|(^|_)rw(_|$)|(^|_)lck(_|$)|(^|_)lock(ed|s)?(?!_free)(_|$)", text))
+    return bool(re.search(r"mutex|spin|queu|(^|_)(rw|lck|(?<!no_)lock(ed|s)?(?!_free))(_|$)", text))
 
 
 def is_wait_free(mechanism: str) -> bool:

@@ -1,14 +1,15 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Speed against error: seconds of the indirect pass against relMSE, every method and setting."""
 import sys
 from functools import partial
+
+import style  # first: it checks what is installed
 
 import numpy as np
 import pandas as pd
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-import style
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import Group, groups_of, thread_marks
 from results import Setup, kMinRepetitions, summarise

@@ -1,10 +1,11 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Speed-up against threads over one named base per structure and workload."""
 import sys
 
+import style  # first: it checks what is installed
+
 import pandas as pd
 
-import style
 from figure import Built, Figure, Omitted, main
 from over_threads import cache_rows, groups_of, kGroupKeys, line_plates, with_oversubscription
 from results import Setup, paired, summarise
@@ -45,7 +46,7 @@ def build(setup: Setup) -> Built:
             base_cache=cache, base_threads=threads, base_operations_per_second=absolute["median"],
             base_low=absolute["low"], base_high=absolute["high"]))
         captions[structure, panel] = (f"1 = {cache}, {style.threads_text(threads)}: "
-                                      f"{style.number(absolute['median'] * 1e-6)} M operations/s")
+                                      f"{style.number(absolute['median'] * 1e-6)} M op/s")
     if not tables:
         raise Omitted("no workload has repetitions at two thread counts that could be paired")
     table = with_oversubscription(pd.concat(tables, ignore_index=True), rows)

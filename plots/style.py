@@ -6,12 +6,20 @@ hollow markers.
 """
 from __future__ import annotations
 
+import importlib.util
 import logging
 import math
+import sys
 import zlib
 from dataclasses import dataclass
 
-import matplotlib
+for _module in ("matplotlib", "numpy", "pandas", "PIL"):
+    if importlib.util.find_spec(_module) is None:
+        print(f"{sys.executable}: no module {_module}; apt-get install python3-{_module.lower()} and run the "
+              "script with /usr/bin/python3", file=sys.stderr)
+        sys.exit(2)
+
+import matplotlib  # noqa: E402  (the check above has a better message)
 
 matplotlib.use("Agg")
 from matplotlib import font_manager, ticker  # noqa: E402  (the backend has to be chosen first)

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Throughput against threads, per cache and workload."""
 import sys
 

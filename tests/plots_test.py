@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Tests of plots/: what is drawn is what was measured, and nothing is claimed that was not.
 
 Results come from a small model of threads that contend (a scalability law per cache), never from a real run;
@@ -293,7 +293,7 @@ class Statistics(unittest.TestCase):
                           "LCK", "spin lock", "readers_writer_lock"):
             self.assertTrue(results.is_lock(mechanism), mechanism)
         for mechanism in ("wait_free", "lock_free", "lock-free", "local_write", "none", "append_log",
-                          "unknown", "block"):
+                          "unknown", "block", "no lock"):
             self.assertFalse(results.is_lock(mechanism), mechanism)
 
     def test_front_holds_what_nothing_beats(self):
@@ -393,12 +393,13 @@ class Figures(InFolder):
         self.assertIn("no intervals can be given", (self.folder / "throughput.svg").read_text())
 
     def test_single_thread_count(self):
+        self.good("speedup.py", self.results(), "--out", self.folder)
         path = self.results(threads=(4,))
         self.good("throughput.py", path, "--out", self.folder)
         done = self.good("speedup.py", path, "--out", self.folder)
         self.assertRegex(done.stdout,
                          r"^speedup: left out for model: only one thread count was measured.*\n$")
-        self.assertFalse((self.folder / "speedup.pdf").exists())
+        self.assertEqual(list(self.folder.glob("speedup*")), [], "files of the earlier run are stale")
 
     def test_nan_zero_and_absent_values_do_not_reach_a_median(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), repetitions=4,
@@ -483,6 +484,12 @@ class Machines(InFolder):
 
 
 class WrongInput(InFolder):
+    def test_a_python_without_the_modules_is_told_in_one_line(self):
+        done = subprocess.run([sys.executable, "-S", "-E", str(kPlots / "report.py"), "x"],
+                              capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"^[^\n]*no module matplotlib; [^\n]+\n$")
+
     def refused(self, script, *arguments):
         done = run(script, *arguments)
         self.assertEqual(done.returncode, 2)
@@ -541,10 +548,12 @@ class Report(InFolder):
         self.assertIn("broken.png is not a picture", page)
 
     def test_inner_links_lead_somewhere(self):
-        page = self.page(self.results("a.json"), self.results("b.json", host_name="other"))
+        page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False))
         for target in re.findall(r'href="#([^"]+)"', page):
             self.assertEqual(page.count(f'id="{target}"'), 1, target)
         self.assertIn("nothing is merged", page)
+        self.assertIn('class="banner">Incomplete results (other)', page)
+        self.assertIn("<code>figures/other/throughput.pdf</code>", page)
 
     def test_incomplete_results_stand_out(self):
         self.assertIn('class="banner">Incomplete', self.page(self.results(complete=False)))
