@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <signal.h>
@@ -136,7 +137,7 @@ TEST(ThreadTeam, TheExceptionOfTheLowestIndexComesOutAndTheTeamGoesOn) {
   ThreadTeam team(machine(), Placement::none, 6);
   try {
     team.run([](unsigned i) {
-      if (i >= 2) throw std::runtime_error("worker " + std::to_string(i));
+      if (i >= 2) throw std::runtime_error(fmt::format("worker {}", i));
     });
     FAIL() << "nothing was thrown";
   } catch (const std::runtime_error& error) {

@@ -89,7 +89,7 @@ class Topology {
   /// cores).
   EqualSpeed equal_speed() const noexcept { return equal_speed_; }
   std::string_view cpu_model() const noexcept { return cpu_model_; }  ///< empty if unknown
-  std::uint64_t memory_bytes() const noexcept { return memory_bytes_; }
+  std::string_view hwloc_version() const noexcept { return hwloc_version_; }
 
   /// Ascending; the last one is always "oversubscribed".
   std::vector<Boundary> boundaries() const;
@@ -101,9 +101,6 @@ class Topology {
   /// Pins the calling thread and checks that the system did so. Throws std::runtime_error (without naming the
   /// thread).
   void bind_this_thread(unsigned os_index) const;
-
-  /// Version of the hwloc library in use, e.g. "2.9.0".
-  static std::string hwloc_version();
 
  private:
   explicit Topology(std::shared_ptr<hwloc_topology> handle);
@@ -119,7 +116,7 @@ class Topology {
   std::vector<DataCache> caches_;
   EqualSpeed equal_speed_ = EqualSpeed::unknown;
   std::string cpu_model_;
-  std::uint64_t memory_bytes_ = 0;
+  std::string hwloc_version_ = "unknown";
 };
 
 }  // namespace icbench
