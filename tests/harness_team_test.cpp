@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <latch>
@@ -60,6 +61,19 @@ TEST(ThreadTeam, WorkersAreAllInsideTheRegionAtOnce) {
   std::latch all_there(kWorkers);
   team.run([&](unsigned) { all_there.arrive_and_wait(); });
   EXPECT_TRUE(all_there.try_wait());
+}
+
+TEST(ThreadTeam, NobodyBeginsBeforeAllAreReady) {
+  ThreadTeam team(machine(), Placement::compact, 32);
+  for (int region = 0; region < 20; ++region) {
+    const TeamTimes times = team.run([](unsigned) {});
+    std::int64_t last_ready = times.threads[0].ready_ns, first_begin = times.threads[0].begin_ns;
+    for (const ThreadTime& t : times.threads) {
+      last_ready = std::max(last_ready, t.ready_ns);
+      first_begin = std::min(first_begin, t.begin_ns);
+    }
+    ASSERT_LE(last_ready, first_begin);
+  }
 }
 
 TEST(ThreadTeam, WorkersSitWhereThePlanSays) {
@@ -125,7 +139,7 @@ TEST(ThreadTeam, CpuTimeIsThatOfTheWorkersRegion) {
 
 TEST(TeamTimes, WallReachesFromTheFirstBeginToTheLastEnd) {
   TeamTimes times;
-  times.threads = {{100, 200, 5}, {90, 150, 6}, {110, 250, 7}};
+  times.threads = {{80, 100, 200, 5}, {70, 90, 150, 6}, {60, 110, 250, 7}};
   EXPECT_EQ(times.wall_ns(), 160);
   EXPECT_EQ(times.cpu_ns(), 18);
   EXPECT_EQ(times.start_skew_ns(), 20);

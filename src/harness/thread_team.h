@@ -6,7 +6,7 @@
 // threads than there are processing units, and an idle one takes no processor time from whatever else is
 // measured.
 //
-// Costs: nothing is allocated on a worker; a region costs each worker two wake-ups and four clock readings.
+// Costs: nothing is allocated on a worker; a region costs each worker two wake-ups and five clock readings.
 // Leaving the barrier takes about a microsecond per worker; TeamTimes::start_skew_ns tells what it was.
 //
 // run is to be called from one thread at a time, never from a worker. A worker that waits for another one
@@ -27,6 +27,7 @@ namespace icbench {
 
 /// One worker's part in a region. steady_clock and thread CPU time (user and system), nanoseconds.
 struct ThreadTime {
+  std::int64_t ready_ns = 0;  ///< awake and at the barrier; no worker begins before all are ready
   std::int64_t begin_ns = 0;
   std::int64_t end_ns = 0;
   std::int64_t cpu_ns = 0;
