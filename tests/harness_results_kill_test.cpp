@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cstdio>
+#include <exception>
 #include <new>
 #include <random>
 
@@ -40,6 +42,18 @@ void write_rest(const fs::path& path, OnExisting mode, std::atomic<unsigned>* ac
     if (acknowledged) *acknowledged = std::max(acknowledged->load(), i + 1);
   }
   out.finish();
+}
+
+/// The same in a child, which never returns into the test program.
+[[noreturn]] void write_rest_and_exit(const fs::path& path, OnExisting mode,
+                                      std::atomic<unsigned>& acknowledged) {
+  try {
+    write_rest(path, mode, &acknowledged);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "writer: %s\n", error.what());
+    _exit(1);
+  }
+  _exit(0);
 }
 
 /// What must hold after a kill: readers are never misled, and resuming finds all that was acknowledged.
@@ -86,8 +100,7 @@ bool run_and_kill(const fs::path& path, OnExisting mode, long calls, std::atomic
   if (child == 0) {
     ptrace(PTRACE_TRACEME, 0, nullptr, nullptr);
     raise(SIGSTOP);
-    write_rest(path, mode, &acknowledged);
-    _exit(0);
+    write_rest_and_exit(path, mode, acknowledged);
   }
   int status = 0;
   waitpid(child, &status, 0);
@@ -108,8 +121,7 @@ bool run_and_kill(const fs::path& path, OnExisting mode, long calls, std::atomic
   return true;
 }
 
-// Files change in system calls only, so that killing before and after each of them visits every state there
-// is.
+// Files change in system calls only: killing before and after each of them visits every state there is.
 TEST_F(ResultsKillTraced, AtEverySystemCallNothingIsLostDoubledOrFaked) {
   for (long calls = 1;; ++calls) {
     const TemporaryDirectory dir;
@@ -167,13 +179,12 @@ TEST(ResultsKill, AtRandomMomentsOverAndOverOneRunStillEndsWhole) {
   std::mt19937_64 random(99);
   for (int round = 0; round < 40; ++round) {
     const pid_t child = fork();
-    if (child == 0) {
-      write_rest(dir / "r.json", OnExisting::resume, &*acknowledged);
-      _exit(0);
-    }
+    if (child == 0) write_rest_and_exit(dir / "r.json", OnExisting::resume, *acknowledged);
     usleep(static_cast<useconds_t>(random() % 3000));
     kill(child, SIGKILL);
-    waitpid(child, nullptr, 0);
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status) || WEXITSTATUS(status) == 0);
     check_remains(dir / "r.json", *acknowledged);
   }
   check_end(dir, dir / "r.json");

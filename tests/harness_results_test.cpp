@@ -340,9 +340,9 @@ TEST(Results, WhenSpaceRunsOutWhatWasAddedIsStillThere) {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{6000, 6000};
     setrlimit(RLIMIT_FSIZE, &limit);
-    ResultsWriter out(path, context(), configuration());
     unsigned added = 0;
     try {
+      ResultsWriter out(path, context(), configuration());
       for (; added < 200; ++added) out.add(entry(added));
     } catch (const std::runtime_error&) {
       _exit(static_cast<int>(added));

@@ -93,9 +93,10 @@ std::string date_now() {
   localtime_r(&now, &local);
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S%z", &local);
-  std::string date = text.data();
-  if (date.size() > 2) date.insert(date.size() - 2, ":");  // strftime's offset has no colon
-  return date;
+  const std::string_view date = text.data();
+  if (date.size() < 2) return "unknown";
+  // strftime's offset has no colon.
+  return fmt::format("{}:{}", date.substr(0, date.size() - 2), date.substr(date.size() - 2));
 }
 
 Json environment(const Topology& topology, const RunInfo& run) {
