@@ -1,6 +1,7 @@
 // A temporary directory and the small vocabulary that the tests of results files share.
 #pragma once
 
+#include <fmt/format.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -50,7 +51,7 @@ inline Json configuration() {
 
 inline Entry entry(unsigned i) {
   Entry e;
-  e.name = "sweep/uniform/null/threads:" + std::to_string(i / 3 + 1);
+  e.name = fmt::format("sweep/uniform/null/threads:{}", i / 3 + 1);
   e.repetitions = 3;
   e.repetition_index = i % 3;
   e.threads = i / 3 + 1;

@@ -134,6 +134,10 @@ TEST(Results, AJournalTornAnywhereInItsLastLineLosesOnlyThat) {
     ResultsWriter out(dir / "r.json", context(), configuration(), OnExisting::resume);
     ASSERT_EQ(out.completed().size(), 5u) << cut;
     out.add(entry(5));
+    // What was torn is gone from the journal: the next line did not join it.
+    const std::string mended = text_of(journal_of(dir / "r.json"));
+    ASSERT_EQ(mended.substr(0, last_line), whole.substr(0, last_line)) << cut;
+    ASSERT_TRUE(Json::accept(mended.substr(last_line))) << cut;
     out.finish();
     ASSERT_EQ(serials(load(dir / "r.json")), first(6)) << cut;
   }
@@ -336,9 +340,9 @@ TEST(Results, WhenSpaceRunsOutWhatWasAddedIsStillThere) {
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{6000, 6000};
     setrlimit(RLIMIT_FSIZE, &limit);
-    ResultsWriter out(path, context(), configuration());
     unsigned added = 0;
     try {
+      ResultsWriter out(path, context(), configuration());
       for (; added < 200; ++added) out.add(entry(added));
     } catch (const std::runtime_error&) {
       _exit(static_cast<int>(added));

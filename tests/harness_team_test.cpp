@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <signal.h>
@@ -5,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <latch>
@@ -59,6 +61,19 @@ TEST(ThreadTeam, WorkersAreAllInsideTheRegionAtOnce) {
   std::latch all_there(kWorkers);
   team.run([&](unsigned) { all_there.arrive_and_wait(); });
   EXPECT_TRUE(all_there.try_wait());
+}
+
+TEST(ThreadTeam, NobodyBeginsBeforeAllAreReady) {
+  ThreadTeam team(machine(), Placement::compact, 32);
+  for (int region = 0; region < 20; ++region) {
+    const TeamTimes times = team.run([](unsigned) {});
+    std::int64_t last_ready = times.threads[0].ready_ns, first_begin = times.threads[0].begin_ns;
+    for (const ThreadTime& t : times.threads) {
+      last_ready = std::max(last_ready, t.ready_ns);
+      first_begin = std::min(first_begin, t.begin_ns);
+    }
+    ASSERT_LE(last_ready, first_begin);
+  }
 }
 
 TEST(ThreadTeam, WorkersSitWhereThePlanSays) {
@@ -124,7 +139,7 @@ TEST(ThreadTeam, CpuTimeIsThatOfTheWorkersRegion) {
 
 TEST(TeamTimes, WallReachesFromTheFirstBeginToTheLastEnd) {
   TeamTimes times;
-  times.threads = {{100, 200, 5}, {90, 150, 6}, {110, 250, 7}};
+  times.threads = {{80, 100, 200, 5}, {70, 90, 150, 6}, {60, 110, 250, 7}};
   EXPECT_EQ(times.wall_ns(), 160);
   EXPECT_EQ(times.cpu_ns(), 18);
   EXPECT_EQ(times.start_skew_ns(), 20);
@@ -136,7 +151,7 @@ TEST(ThreadTeam, TheExceptionOfTheLowestIndexComesOutAndTheTeamGoesOn) {
   ThreadTeam team(machine(), Placement::none, 6);
   try {
     team.run([](unsigned i) {
-      if (i >= 2) throw std::runtime_error("worker " + std::to_string(i));
+      if (i >= 2) throw std::runtime_error(fmt::format("worker {}", i));
     });
     FAIL() << "nothing was thrown";
   } catch (const std::runtime_error& error) {

@@ -1,5 +1,4 @@
-// What this binary was built from; recorded in every results file. Refreshed by each build, also after a mere
-// commit.
+// What this binary was built from, for every results file. Refreshed by each build, also after a mere commit.
 #pragma once
 
 #include <string_view>

@@ -28,8 +28,8 @@ nlohmann::ordered_json WorkCalibration::to_json() const {
 }
 
 Work Work::calibrate() {
-  // Long against the clock's resolution, short against a scheduler's time slice; the longer first pass wakes
-  // the core.
+  // Long against the clock's resolution, short against a scheduler's time slice; the first pass wakes the
+  // core.
   constexpr std::uint64_t kUnits = 200'000;
   time_ns(10 * kUnits, 1);
   std::array<double, 25> tries;

@@ -93,9 +93,10 @@ std::string date_now() {
   localtime_r(&now, &local);
   std::array<char, 32> text{};
   std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%S%z", &local);
-  std::string date = text.data();
-  if (date.size() > 2) date.insert(date.size() - 2, ":");  // strftime's offset has no colon
-  return date;
+  const std::string_view date = text.data();
+  if (date.size() < 2) return "unknown";
+  // strftime's offset has no colon.
+  return fmt::format("{}:{}", date.substr(0, date.size() - 2), date.substr(date.size() - 2));
 }
 
 Json environment(const Topology& topology, const RunInfo& run) {
@@ -133,13 +134,13 @@ Json environment(const Topology& topology, const RunInfo& run) {
   e["architecture"] = kernel.machine;
   e["kernel"] = fmt::format("{} {}", kernel.sysname, kernel.release);
   e["os"] = operating_system();
-  e["memory_bytes"] = topology.memory_bytes();
+  e["memory_bytes"] = static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) * sysconf(_SC_PAGESIZE);
   e["page_bytes"] = sysconf(_SC_PAGESIZE);
   e["transparent_huge_pages"] = transparent_huge_pages();
   e["cgroup_cpu_quota"] = quota ? Json(*quota) : Json(nullptr);
   e["virtualised"] = host.has_value();
   e["hypervisor"] = host ? Json(*host) : Json(nullptr);
-  e["hwloc_version"] = Topology::hwloc_version();
+  e["hwloc_version"] = topology.hwloc_version();
   e["command_line"] = run.command_line;
   e["seed"] = run.seed;
   e["placement"] = to_string(run.placement);
@@ -150,9 +151,9 @@ Json environment(const Topology& topology, const RunInfo& run) {
 Json environment_identity(const Json& environment) {
   Json identity = Json::object();
   for (const char* key :
-       {"schema_version", "host_name", "cpu_model", "machine", "allowed_units", "memory_bytes", "kernel",
-        "governor", "boost", "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty",
-        "compiler", "compiler_flags", "build_type", "library_build_type"})
+       {"schema_version", "host_name", "cpu_model", "machine", "allowed_units", "kernel", "governor", "boost",
+        "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty", "compiler",
+        "compiler_flags", "build_type", "library_build_type"})
     identity[key] = environment.value(key, Json(nullptr));
   return identity;
 }

@@ -27,8 +27,7 @@ struct RunInfo {
 };
 
 /// The record. pin_map holds, per thread count, the processing units of threads 0, 1, ...: thread i sits on
-/// entry i mod length; "unbound" without placement. Throws std::runtime_error for a thread count out of
-/// range.
+/// entry i mod length; "unbound" without placement. Throws std::runtime_error if a count is out of range.
 nlohmann::ordered_json environment(const Topology& topology, const RunInfo& run);
 
 /// The part of an environment record that must agree before two sets of numbers are put side by side or a run

@@ -41,8 +41,8 @@ class alignas(64) Histogram {  // aligned: histograms of several threads may sit
   std::uint64_t max() const noexcept { return max_; }
 
   /// Nearest-rank percentile: the smallest recorded value v such that at least q * count() values are <= v,
-  /// up to the bucket's error; never above max(). `q` in [0, 1], clamped (NaN counts as 0); 1 gives max(). 0
-  /// when empty.
+  /// up to the bucket's error; never above max(). `q` in [0, 1], clamped (NaN as 0); 1 gives max(). 0 when
+  /// empty.
   std::uint64_t percentile(double q) const noexcept {
     const std::uint64_t n = count();
     if (n == 0) return 0;
@@ -62,8 +62,8 @@ class alignas(64) Histogram {  // aligned: histograms of several threads may sit
   static constexpr std::uint64_t kPerOctave = std::uint64_t{1} << kBits;
   static constexpr std::size_t kBuckets = (64 - kBits + 1) * kPerOctave;
 
-  // With shift = max(0, floor(log2 value) - kBits): bucket = shift * 2^kBits + (value >> shift), gapless and
-  // monotone.
+  // With shift = max(0, floor(log2 value) - kBits): bucket = shift * 2^kBits + (value >> shift), without
+  // gaps.
   static constexpr std::size_t bucket(std::uint64_t value) noexcept {
     const auto shift = static_cast<unsigned>(std::bit_width(value | kPerOctave)) - 1 - kBits;
     return shift * kPerOctave + (value >> shift);

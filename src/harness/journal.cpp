@@ -17,8 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether the descriptor is still the file of that name: the holder of the lock may have deleted it
-/// meanwhile.
+/// Whether the descriptor is still the file of that name: the lock's holder may have deleted it.
 bool is_current(const Descriptor& file, const fs::path& path) {
   struct stat open_file {
   }, named{};

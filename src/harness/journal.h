@@ -1,5 +1,4 @@
-// The journal of an unfinished results file: one JSON object per line, each on stable storage before append
-// returns.
+// The journal of an unfinished results file: one JSON object per line, each safe before append returns.
 //
 // The first line is the header, the others are rows. What a kill can leave behind is a last line without its
 // end; open cuts it off (it was never acknowledged). The lock on the journal is held while it is open, so

@@ -29,7 +29,7 @@ const char* remedy(int code) noexcept {
       return "choose an --out that you may write to";
     case ENOSPC:
     case EDQUOT:
-      return "free some space, then go on with --resume";
+      return "free some space or choose another --out";
     default:
       return "choose another --out";
   }

@@ -1,7 +1,6 @@
 // Writing that either succeeds durably or throws: thin wrappers over POSIX descriptors.
 //
-// Every error is a std::runtime_error of one line: which results could not be written, why, and how to mend
-// it.
+// Every error is a std::runtime_error of one line: what could not be written, why, and how to mend it.
 #pragma once
 
 #include <filesystem>

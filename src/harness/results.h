@@ -3,8 +3,7 @@
 // A regular file F is only ever replaced as a whole. It exists from the start, with `"complete": false` in
 // its context and no entries yet; each add puts its entry on stable storage in the journal F.partial before
 // it returns; from time to time (when the number of entries has doubled) and at the end the journal is folded
-// into F. finish alone writes
-// `"complete": true` and removes the journal. So a kill at any moment leaves
+// into F. finish alone writes `"complete": true` and removes the journal. So a kill at any moment leaves
 //     F as it was before the run                                   (killed while starting), or
 //     F marked incomplete, plus F.partial with all entries added   (killed while running), or
 //     F complete, perhaps with a stale F.partial                   (killed while finishing);

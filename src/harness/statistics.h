@@ -26,8 +26,7 @@ inline constexpr std::size_t kMinSamples = 6;
 double quantile(std::span<const double> samples, double p);
 inline double median(std::span<const double> samples) { return quantile(samples, 0.5); }
 
-/// Median absolute deviation from the median, unscaled (times 1.4826 it estimates a normal's standard
-/// deviation).
+/// Median absolute deviation from the median, unscaled (times 1.4826 it estimates a normal's sigma).
 double median_absolute_deviation(std::span<const double> samples);
 /// quantile(0.75) - quantile(0.25).
 double interquartile_range(std::span<const double> samples);

@@ -113,6 +113,7 @@ void ThreadTeam::work(const Topology& topology, unsigned index, Binding binding)
   for (int region = 1;; region = next(region)) {
     await(region_, region);  // P1
     if (stopping_) return;
+    slots_[index].time.ready_ns = now_ns();
     // acq_rel: the last one to arrive inherits what the others did before the barrier.
     if (arrived_.fetch_add(1, std::memory_order_acq_rel) + 1 == static_cast<int>(slots_.size())) {
       go_.store(region, std::memory_order_seq_cst);  // P2

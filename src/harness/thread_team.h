@@ -3,11 +3,11 @@
 // run(f) calls f(index) once on every worker. All workers gather at a barrier first, so that waking them up
 // happens before the region; begin and end of each are stamped on the worker itself, and the wall time
 // reaches from the first begin to the last end. Waiting is by futex throughout: a team may have many more
-// threads than there are processing units, and an idle one takes no processor time from whatever else is
-// measured.
+// threads than there are processing units, and an idle one takes no processor time from the others.
 //
-// Costs: nothing is allocated on a worker; a region costs each worker two wake-ups and four clock readings.
-// Leaving the barrier takes about a microsecond per worker; TeamTimes::start_skew_ns tells what it was.
+// Costs: nothing is allocated on a worker; a region costs each worker two wake-ups and five clock readings.
+// Workers leave the barrier one after the other, as the kernel wakes them; TeamTimes::start_skew_ns tells how
+// far apart.
 //
 // run is to be called from one thread at a time, never from a worker. A worker that waits for another one
 // inside f waits for ever if that one has thrown.
@@ -27,6 +27,7 @@ namespace icbench {
 
 /// One worker's part in a region. steady_clock and thread CPU time (user and system), nanoseconds.
 struct ThreadTime {
+  std::int64_t ready_ns = 0;  ///< awake and at the barrier; no worker begins before all are ready
   std::int64_t begin_ns = 0;
   std::int64_t end_ns = 0;
   std::int64_t cpu_ns = 0;

@@ -171,7 +171,9 @@ void Topology::read_units() {
   equal_speed_ = !known ? EqualSpeed::unknown : one_kind ? EqualSpeed::yes : EqualSpeed::no;
 
   const hwloc_obj_t root = hwloc_get_root_obj(topology);
-  memory_bytes_ = root->total_memory;
+  // The library tells only its interface's version; its own is noted in the root.
+  if (const char* version = hwloc_obj_get_info_by_name(root, "hwlocVersion"); version)
+    hwloc_version_ = version;
   for (hwloc_obj_t object : {root, hwloc_get_obj_by_type(topology, HWLOC_OBJ_PACKAGE, 0)})
     if (const char* model = object ? hwloc_obj_get_info_by_name(object, "CPUModel") : nullptr; model)
       cpu_model_ = model;
@@ -264,12 +266,6 @@ void Topology::bind_this_thread(unsigned os_index) const {
                                          std::strerror(errno)));
   if (!hwloc_bitmap_isequal(actual.get(), wanted.get()))
     throw std::runtime_error(fmt::format("processing unit {}: the system ignored the request", os_index));
-}
-
-std::string Topology::hwloc_version() {
-  // The running library tells only its interface version (major, minor, release in bytes 2, 1, 0).
-  const unsigned v = hwloc_get_api_version();
-  return fmt::format("{}.{}.{}", v >> 16, (v >> 8) & 0xff, v & 0xff);
 }
 
 }  // namespace icbench

@@ -38,8 +38,7 @@ inline constexpr Binding kUnbound = -1;
 /// Most threads that a plan can be made for.
 inline constexpr unsigned kMaxThreads = 8192;
 
-/// One allowed processing unit. All indices but os_index are numbered from 0 without gaps over the allowed
-/// units.
+/// One allowed processing unit. All indices but os_index are numbered from 0 over the allowed units.
 struct ProcessingUnit {
   unsigned os_index;   ///< the operating system's number
   unsigned core;       ///< physical core
@@ -76,7 +75,7 @@ class Topology {
  public:
   /// The machine, restricted to what this process may use. Throws std::runtime_error if it cannot be read.
   static Topology of_this_process();
-  /// An imagined machine in hwloc's synthetic notation ("package:2 core:12 pu:2"); threads cannot be bound to
+  /// An imagined machine in hwloc's synthetic notation ("package:2 core:12 pu:2"); no thread can be bound to
   /// it.
   static Topology synthetic(const std::string& description);
 
@@ -85,11 +84,10 @@ class Topology {
   HardwareCounts allowed() const noexcept { return allowed_; }
   HardwareCounts machine() const noexcept { return machine_; }
   const std::vector<DataCache>& caches() const noexcept { return caches_; }
-  /// Whether all allowed units run at the same speed, as far as the system tells (performance and efficiency
-  /// cores).
+  /// Whether all allowed units run at the same speed, as far as the system tells.
   EqualSpeed equal_speed() const noexcept { return equal_speed_; }
   std::string_view cpu_model() const noexcept { return cpu_model_; }  ///< empty if unknown
-  std::uint64_t memory_bytes() const noexcept { return memory_bytes_; }
+  std::string_view hwloc_version() const noexcept { return hwloc_version_; }
 
   /// Ascending; the last one is always "oversubscribed".
   std::vector<Boundary> boundaries() const;
@@ -98,12 +96,9 @@ class Topology {
   /// Whether n threads are more than the allowed units.
   bool oversubscribed(unsigned n) const noexcept { return n > compact_.size(); }
 
-  /// Pins the calling thread and checks that the system did so. Throws std::runtime_error (without naming the
-  /// thread).
+  /// Pins the calling thread and checks that the system did so. Throws std::runtime_error that names the
+  /// unit.
   void bind_this_thread(unsigned os_index) const;
-
-  /// Version of the hwloc library in use, e.g. "2.9.0".
-  static std::string hwloc_version();
 
  private:
   explicit Topology(std::shared_ptr<hwloc_topology> handle);
@@ -119,7 +114,7 @@ class Topology {
   std::vector<DataCache> caches_;
   EqualSpeed equal_speed_ = EqualSpeed::unknown;
   std::string cpu_model_;
-  std::uint64_t memory_bytes_ = 0;
+  std::string hwloc_version_ = "unknown";
 };
 
 }  // namespace icbench
