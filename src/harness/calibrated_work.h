@@ -1,6 +1,6 @@
 // Simulated work: what a renderer does between two cache operations, as a fixed number of instructions.
 //
-// A unit is one step of a dependent chain (multiply, add, shift, xor: about 8 cycles of latency), which
+// A unit is one step of a dependent chain (multiply, add, shift, xor: about 6 cycles of latency), which
 // neither compiler nor processor can shorten, and which touches no memory. A thread that is held up, or runs
 // on a slower core, still executes the same instructions: unlike a timed wait, the work cannot hide
 // contention.

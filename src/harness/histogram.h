@@ -4,7 +4,7 @@
 // the value (half a bucket's width over its lower bound). All of u64 is covered, the maximum is kept exactly.
 // The unit is the caller's.
 //
-// record: about five instructions, one counter touched, no branch, no allocation. Memory: 15 KB.
+// record: about ten instructions, one counter touched, no branch, no allocation. Memory: 15 KB.
 // Not synchronised: one thread records, others read after a barrier.
 #pragma once
 
