@@ -1,6 +1,7 @@
 // Tiles: every pixel exactly once, in every order; the cursor hands each tile out once.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <limits>
 #include <set>
@@ -9,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/primary.h"
 #include "render/tiles.h"
 
 namespace icbench {
@@ -27,6 +29,22 @@ TEST(RenderTiles, CoverEveryPixelExactlyOnce) {
             for (int x = t.x0; x < t.x1; ++x) ++covered.at(static_cast<std::size_t>(y) * width + x);
         for (const int count : covered) ASSERT_EQ(count, 1) << width << "x" << height << " tiles of " << size;
       }
+}
+
+TEST(RenderTiles, CoarseToFineVisitsEveryPixelOnceAndTheMiddleFirst) {
+  constexpr int kWidth = 40;
+  for (const Tile& t : {Tile{0, 0, 16, 16}, Tile{32, 16, 40, 29}, Tile{3, 5, 4, 6}, Tile{0, 0, 40, 7}}) {
+    std::vector<std::uint32_t> visited;
+    for_each_pixel_coarse_to_fine(t, kWidth, [&](std::uint32_t pixel) { visited.push_back(pixel); });
+    std::vector<std::uint32_t> rows;
+    for_each_pixel(t, kWidth, [&](std::uint32_t pixel) { rows.push_back(pixel); });
+    std::vector<std::uint32_t> sorted = visited;
+    std::sort(sorted.begin(), sorted.end());
+    ASSERT_EQ(sorted, rows);
+    if (t.x1 - t.x0 == 16) {
+      EXPECT_EQ(visited.front(), 8u * kWidth + 8u);
+    }
+  }
 }
 
 TEST(RenderTiles, ATileLargerThanAnyImageIsTheImage) {
