@@ -102,7 +102,8 @@ def groups_of(setup: Setup, rows: pd.DataFrame, value: str = "items_per_second",
                               caches, True))
         best.append(_fastest(setup, rows, caches, value))
     made.sort(key=lambda g: -len(g.caches))
-    if across and table["structure"].nunique() > 1:
+    # A cache that keeps nothing has no structure to compare.
+    if across and len(set(table["structure"]) - {"none"}) > 1:
         made.append(Group("across-structures", "across structures: the fastest cache of each",
                           style.cache_order(best), False))
     return made

@@ -151,6 +151,23 @@ std::string operating_system(const fs::path& root) {
   return "unknown";
 }
 
+namespace {
+
+/// Hypervisors by the signatures they give at CPUID leaf 0x40000000.
+std::string common_name(const std::string& signature) {
+  constexpr std::pair<std::string_view, std::string_view> kNames[] = {{"KVMKVMKVM", "KVM"},
+                                                                      {"Microsoft Hv", "Hyper-V"},
+                                                                      {"VMwareVMware", "VMware"},
+                                                                      {"XenVMMXenVMM", "Xen"},
+                                                                      {"TCGTCGTCGTCG", "QEMU"}};
+  for (const auto& [known, name] : kNames) {
+    if (signature == known) return std::string(name);
+  }
+  return signature;
+}
+
+}  // namespace
+
 std::optional<std::string> hypervisor(const fs::path& root) {
 #if defined(__x86_64__)
   if (root == "/") {
@@ -164,7 +181,7 @@ std::optional<std::string> hypervisor(const fs::path& root) {
       const std::string text = trimmed(name.data());
       const bool readable =
           std::all_of(text.begin(), text.end(), [](unsigned char ch) { return std::isprint(ch); });
-      return text.empty() || !readable ? "unknown" : text;
+      return text.empty() || !readable ? "unknown" : common_name(text);
     }
   }
 #endif
