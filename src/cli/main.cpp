@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <iostream>
 
@@ -17,27 +19,31 @@ std::vector<std::string> g_command_line;
 
 constexpr const char* kNoOutput = "cannot write to standard output";
 
-/// One line for arguments nobody knows, with the nearest option or subcommand offered.
-std::string unexpected(const CLI::App& app, const std::string& argument) {
-  const CLI::App* at = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
+/// One line for an argument that `at`, the program or one of its subcommands, does not know, with the nearest
+/// option or subcommand offered.
+std::string unexpected(const CLI::App& at, const std::string& argument) {
   std::vector<std::string> names;
   if (argument.starts_with('-')) {
-    for (const CLI::Option* option : at->get_options()) {
+    for (const CLI::Option* option : at.get_options()) {
       for (const std::string& name : option->get_lnames()) names.push_back(fmt::format("--{}", name));
     }
     const std::vector<std::string_view> views(names.begin(), names.end());
     return unknown_name("option", argument.substr(0, argument.find('=')), views);
   }
-  if (at != &app)
-    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at->get_name());
-  for (const CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
+  if (at.get_parent() != nullptr) {
+    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at.get_name());
+  }
+  for (const CLI::App* subcommand : at.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(subcommand->get_name());
   }
   const std::vector<std::string_view> views(names.begin(), names.end());
   return unknown_name("command", argument, views);
 }
 
-int report(const std::string& line, int status) {
+/// Prints the one line that a failed run ends with, whatever the arguments that it quotes contain.
+int report(std::string line, int status) {
+  std::replace_if(
+      line.begin(), line.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
   std::fputs(fmt::format("icbench: {}\n", line).c_str(), stderr);  // nobody is left to tell if this fails
   return status;
 }
@@ -90,8 +96,10 @@ int run(int argc, char** argv) {
   // run then.
   for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
     subcommand->parse_complete_callback([&app, subcommand] {
-      const auto extras = subcommand->remaining();
-      if (!extras.empty()) throw std::runtime_error(unexpected(app, extras.front()));
+      for (const CLI::App* at : {&app, subcommand}) {
+        const auto extras = at->remaining();
+        if (!extras.empty()) throw std::runtime_error(unexpected(*at, extras.front()));
+      }
     });
   }
   try {
