@@ -56,6 +56,8 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
         std::make_unique<Worker>(session, accepted, plan.rays(), setup.latency_every, hash_keys(t, 7));
   });
 
+  cache.reset_counters();
+
   const IrradianceCacheParams params = plan.params(setup.seed);
   TileCursor cursor(plan.tiles());
   cache.begin_frame();
