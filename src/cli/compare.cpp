@@ -77,16 +77,22 @@ void compare(const CompareOptions& options) {
 void add_compare(CLI::App& app) {
   const auto options = std::make_shared<CompareOptions>();
   std::string help = "Metrics, separated by commas:";
-  for (const Metric& metric : kMetrics) help += fmt::format("\n{}: {}", metric.name, metric.closer);
+  for (const Metric& metric : kMetrics) help += fmt::format("\n{}\n  {}", metric.name, metric.closer);
   CLI::App* command = app.add_subcommand("compare", "Error metrics of an image against a reference");
-  command->add_option("A", options->reference, "Reference image, .exr or .png")->required();
-  command->add_option("B", options->image, "Image to judge, .exr or .png, of the same size")->required();
+  command->add_option("A", options->reference, "Reference image, .exr or .png")
+      ->type_name("FILE")
+      ->required();
+  command->add_option("B", options->image, "Image to judge, .exr or .png, of the same size")
+      ->type_name("FILE")
+      ->required();
   command->add_option("--metrics", options->metrics, help)
+      ->type_name("LIST")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();
-  command->add_option("--json", options->json, "Write the figures to this file");
-  command->add_option("--map", options->map, "Write error maps into this folder, one METRIC.exr each");
+  command->add_option("--json", options->json, "Write the figures to this file")->type_name("FILE");
+  command->add_option("--map", options->map, "Write error maps into this folder, one METRIC.exr each")
+      ->type_name("FOLDER");
   command->callback([options] { compare(*options); });
 }
 

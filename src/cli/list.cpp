@@ -109,7 +109,9 @@ void add_list(CLI::App& app) {
   };
   const auto options = std::make_shared<Options>();
   CLI::App* list = app.add_subcommand("list", "List caches, scenes, integrators, workloads or metrics");
-  list->add_option("what", options->what, "caches | scenes | integrators | workloads | metrics")->required();
+  list->add_option("WHAT", options->what, "caches, scenes, integrators, workloads or metrics")
+      ->type_name("")
+      ->required();
   list->add_flag("--json", options->json, "As JSON, for programs");
   list->callback([options] {
     std::vector<std::string_view> known;

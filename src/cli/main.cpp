@@ -1,39 +1,73 @@
 // The `icbench` program.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
+#include <iostream>
 
 #include "cli/command.h"
 #include "core/names.h"
+#include "harness/build_info.h"
 
 namespace icbench {
 namespace {
 
 std::vector<std::string> g_command_line;
 
-/// One line for arguments nobody knows, with the nearest option or subcommand offered.
-std::string unexpected(const CLI::App& app, const std::string& argument) {
-  const CLI::App* at = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
+constexpr const char* kNoOutput = "cannot write to standard output";
+
+/// One line for an argument that `at`, the program or one of its subcommands, does not know, with the nearest
+/// option or subcommand offered.
+std::string unexpected(const CLI::App& at, const std::string& argument) {
   std::vector<std::string> names;
   if (argument.starts_with('-')) {
-    for (const CLI::Option* option : at->get_options()) {
-      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    for (const CLI::Option* option : at.get_options()) {
+      for (const std::string& name : option->get_lnames()) names.push_back(fmt::format("--{}", name));
     }
     const std::vector<std::string_view> views(names.begin(), names.end());
     return unknown_name("option", argument.substr(0, argument.find('=')), views);
   }
-  if (at != &app)
-    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at->get_name());
-  for (const CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
+  if (at.get_parent() != nullptr) {
+    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at.get_name());
+  }
+  for (const CLI::App* subcommand : at.get_subcommands([](const CLI::App*) { return true; })) {
     names.push_back(subcommand->get_name());
   }
   const std::vector<std::string_view> views(names.begin(), names.end());
   return unknown_name("command", argument, views);
 }
 
-int report(const std::string& line, int status) {
-  fmt::print(stderr, "icbench: {}\n", line);
+/// Prints the one line that a failed run ends with, whatever the arguments that it quotes contain.
+int report(std::string line, int status) {
+  std::replace_if(
+      line.begin(), line.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
+  std::fputs(fmt::format("icbench: {}\n", line).c_str(), stderr);  // nobody is left to tell if this fails
   return status;
+}
+
+/// Standard streams that the caller has closed get a descriptor that fails, lest a file that is opened later
+/// takes their number and receives what was meant for them.
+void occupy_standard_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) >= 0) continue;
+    const int taken =
+        open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);  // the lowest free number
+    if (taken > stream) close(taken);
+  }
+}
+
+/// Whether everything that was printed has arrived.
+bool flush_output() {
+  return std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.flush().good();
+}
+
+std::string version() {
+  const BuildInfo build = build_info();
+  return fmt::format("icbench {}, commit {}{}, {}, {} build", ICBENCH_VERSION, build.commit.substr(0, 12),
+                     build.dirty ? " with changes" : "", build.compiler, build.build_type);
 }
 
 }  // namespace
@@ -43,12 +77,17 @@ const std::vector<std::string>& command_line() { return g_command_line; }
 int run(int argc, char** argv) {
   g_command_line.assign(argv, argv + argc);
   CLI::App app{"icbench: a research benchmark suite for shared irradiance caches", "icbench"};
+  app.set_version_flag("--version", version, "Print version, commit and compiler and exit");
+  app.set_help_flag("-h,--help", "Print help and exit");
   app.require_subcommand(0, 1);
   app.fallthrough(false);
   add_list(app);
   add_sweep(app);
   add_render(app);
   add_compare(app);
+  app.footer(
+      "Exit status: 0 done, 1 a check failed, 2 bad usage or input (one line on standard error).\n"
+      "icbench COMMAND --help lists a command's options, all of which have defaults.");
   for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
     subcommand->allow_extras();
   }
@@ -57,8 +96,10 @@ int run(int argc, char** argv) {
   // run then.
   for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
     subcommand->parse_complete_callback([&app, subcommand] {
-      const auto extras = subcommand->remaining();
-      if (!extras.empty()) throw std::runtime_error(unexpected(app, extras.front()));
+      for (const CLI::App* at : {&app, subcommand}) {
+        const auto extras = at->remaining();
+        if (!extras.empty()) throw std::runtime_error(unexpected(*at, extras.front()));
+      }
     });
   }
   try {
@@ -66,16 +107,18 @@ int run(int argc, char** argv) {
     const auto extras = app.remaining();
     if (!extras.empty()) return report(unexpected(app, extras.front()), 2);
     if (app.get_subcommands().empty()) {
-      fmt::print(stderr, "{}", app.help());
+      std::fputs(app.help().c_str(), stderr);
       return 2;
     }
-    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
-      return report("cannot write to standard output", 2);
-    return 0;
+    return flush_output() ? 0 : report(kNoOutput, 2);
   } catch (const CLI::Success& e) {
-    return app.exit(e);
+    const int status = app.exit(e);
+    return flush_output() ? status : report(kNoOutput, 2);
   } catch (const CLI::ParseError& e) {
-    return report(e.what(), 2);
+    const auto commands = app.get_subcommands();
+    return report(fmt::format("{}; see icbench {}{}--help", e.what(),
+                              commands.empty() ? "" : commands[0]->get_name(), commands.empty() ? "" : " "),
+                  2);
   } catch (const CheckFailed& e) {
     return report(e.what(), 1);
   } catch (const std::bad_alloc&) {
@@ -87,4 +130,7 @@ int run(int argc, char** argv) {
 
 }  // namespace icbench
 
-int main(int argc, char** argv) { return icbench::run(argc, argv); }
+int main(int argc, char** argv) {
+  icbench::occupy_standard_streams();
+  return icbench::run(argc, argv);
+}

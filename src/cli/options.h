@@ -2,8 +2,11 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <charconv>
+#include <filesystem>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -11,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/names.h"
 #include "harness/topology.h"
 
 namespace icbench {
@@ -27,15 +31,16 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
   }
 }
 
-/// A whole number from `low` to `high`.
-inline unsigned parse_count(std::string_view option, std::string_view text, unsigned low, unsigned high) {
-  long long value = 0;
+/// A whole number from `low` to `high`, decimal digits only.
+template <class T>
+T parse_whole(std::string_view option, std::string_view text, T low, T high) {
+  T value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size() || value < low || value > high) {
     throw std::runtime_error(
         fmt::format("{} '{}' is not a whole number from {} to {}", option, text, low, high));
   }
-  return static_cast<unsigned>(value);
+  return value;
 }
 
 template <class T>
@@ -50,7 +55,7 @@ void require_distinct(std::string_view option, const std::vector<T>& items) {
 inline std::vector<unsigned> parse_threads(std::string_view text) {
   std::vector<unsigned> out;
   for (const std::string& item : split_list("--threads", text)) {
-    out.push_back(parse_count("--threads", item, 1, kMaxThreads));
+    out.push_back(parse_whole("--threads", item, 1u, kMaxThreads));
   }
   require_distinct("--threads", out);
   return out;
@@ -58,12 +63,72 @@ inline std::vector<unsigned> parse_threads(std::string_view text) {
 
 /// "WxH", pixels.
 inline std::pair<int, int> parse_size(std::string_view text) {
-  constexpr unsigned kMaxSide = 16384;
+  constexpr int kMaxSide = 16384;
   const std::size_t x = text.find('x');
-  if (x == text.npos)
+  if (x == text.npos) {
     throw std::runtime_error(fmt::format("--size '{}' is not of the form WIDTHxHEIGHT", text));
-  return {static_cast<int>(parse_count("--size", text.substr(0, x), 1, kMaxSide)),
-          static_cast<int>(parse_count("--size", text.substr(x + 1), 1, kMaxSide))};
+  }
+  const std::string option = fmt::format("--size '{}':", text);
+  return {parse_whole(option, text.substr(0, x), 1, kMaxSide),
+          parse_whole(option, text.substr(x + 1), 1, kMaxSide)};
+}
+
+/// An option for a whole number from `low` to `high`; `value` is the default and must outlive the parsing.
+template <class T>
+CLI::Option* add_whole(CLI::App* app, const std::string& name, T& value, T low, T high,
+                       const std::string& help) {
+  const auto set = [&value, name, low, high](const std::string& text) {
+    value = parse_whole(name, text, low, high);
+  };
+  return app->add_option_function<std::string>(name, set, help)
+      ->type_name("N")
+      ->default_str(fmt::to_string(value));
+}
+
+/// An option for a number in (0, high]; `value` is the default and must outlive the parsing.
+inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& value, float high,
+                                 const std::string& help) {
+  const auto set = [&value, name, high](const std::string& text) {
+    float number = 0.0f;
+    const char* const last = text.data() + text.size();
+    const auto [end, error] = std::from_chars(text.data(), last, number);
+    if (error != std::errc{} || end != last || !(number > 0.0f && number <= high)) {
+      throw std::runtime_error(fmt::format("{} '{}' is not a number in (0, {}]", name, text, high));
+    }
+    value = number;
+  };
+  return app->add_option_function<std::string>(name, set, help)
+      ->type_name("X")
+      ->default_str(fmt::to_string(value));
+}
+
+/// Throws unless `table` (entries with a `name`) knows the name.
+template <class Table>
+void require_known(std::string_view kind, std::string_view name, const Table& table) {
+  std::vector<std::string_view> known;
+  for (const auto& entry : table) {
+    if (entry.name == name) return;
+    known.push_back(entry.name);
+  }
+  throw std::runtime_error(unknown_name(kind, name, known));
+}
+
+/// Throws if a file of that name can certainly not be written: to be told before the work, not after it.
+inline void require_writable(std::string_view option, const std::filesystem::path& path) {
+  const auto refuse = [&](const std::string& why) {
+    throw std::runtime_error(fmt::format("{} '{}': {}", option, path.string(), why));
+  };
+  std::error_code none;
+  if (std::filesystem::is_directory(path, none)) refuse("this is a folder; name a file");
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  if (!std::filesystem::is_directory(folder, none)) {
+    refuse(fmt::format("there is no folder '{}'; make it first", folder.string()));
+  }
+  const bool is_there = std::filesystem::exists(path, none);
+  if ((is_there && access(path.c_str(), W_OK) != 0) ||
+      (!is_there && access(folder.c_str(), W_OK | X_OK) != 0)) {
+    refuse("no permission to write there; choose another place");
+  }
 }
 
 }  // namespace icbench

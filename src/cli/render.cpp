@@ -13,6 +13,8 @@
 #include "image/image.h"
 #include "scene/registry.h"
 #include "workload/dispatch.h"
+#include "workload/memory.h"
+#include "workload/names.h"
 #include "workload/picture.h"
 
 namespace icbench {
@@ -32,12 +34,7 @@ void require_image_path(const std::string& path) {
   if (extension != ".exr" && extension != ".png") {
     throw std::runtime_error(fmt::format("--out '{}' must end in .exr or .png", path));
   }
-  std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) folder = ".";
-  if (!std::filesystem::is_directory(folder)) {
-    throw std::runtime_error(
-        fmt::format("--out '{}': there is no folder '{}'; make it first", path, folder.string()));
-  }
+  require_writable("--out", path);
 }
 
 nlohmann::ordered_json figures(const RenderOptions& o, const PictureRequest& r, const PictureOutcome& p) {
@@ -49,7 +46,7 @@ nlohmann::ordered_json figures(const RenderOptions& o, const PictureRequest& r, 
   if (r.integrator.needs_cache) {
     j["cache"] = o.cache;
     j["rays_per_record"] = r.gather;
-    j["accuracy"] = r.a;
+    j["accuracy"] = shortest_decimal(r.a);
     j["seconds_indirect"] = p.seconds_indirect;
     j["records"] = p.records;
     j["queries"] = p.counts.queries;
@@ -60,14 +57,15 @@ nlohmann::ordered_json figures(const RenderOptions& o, const PictureRequest& r, 
 }
 
 void render_command(const RenderOptions& o) {
+  require_known("scene", o.scene, kScenes);
+  require_known("integrator", o.integrator, kIntegrators);
   const IntegratorEntry& integrator = find_integrator(o.integrator);
   const CacheEntry& cache = find_cache(o.cache);
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
   const Placement placement = parse_placement(o.placement);
-  if (!(o.accuracy > 0.0f && o.accuracy <= 1.0f)) throw std::runtime_error("--accuracy must lie in (0, 1]");
-  if (!(o.exposure > 0.0f && o.exposure <= 1e6f)) throw std::runtime_error("--exposure must lie in (0, 1e6]");
   require_image_path(o.out);
+  if (!o.json.empty()) require_writable("--json", o.json);
 
   const Topology topology = Topology::of_this_process();
   unsigned threads = o.threads != 0 ? o.threads : static_cast<unsigned>(topology.units().size());
@@ -81,11 +79,12 @@ void render_command(const RenderOptions& o) {
   ThreadTeam team(topology, placement, threads);
   const RayTracer rays(make_scene(o.scene));
   PictureRequest request{rays, team, integrator, width, height, o.spp, o.rays, o.accuracy, tiles, o.seed, {}};
+  require_memory(fmt::format("a picture of {}", o.size), picture_bytes(request));
+  // Never finished, only wiped: the last line is the one on standard output, once everything is written.
   Progress progress("render", picture_work(request));
   request.progress = [&](double work) { progress.advance(work); };
   const PictureOutcome outcome =
       integrator.needs_cache ? cache.picture(request) : render_plain_picture(request);
-  progress.finish();
   write_image(o.out, outcome.picture, {ExrSample::float_bits, o.exposure});
   const nlohmann::ordered_json json = figures(o, request, outcome);
   if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
@@ -99,28 +98,28 @@ void render_command(const RenderOptions& o) {
 void add_render(CLI::App& app) {
   const auto o = std::make_shared<RenderOptions>();
   CLI::App* render = app.add_subcommand("render", "Render a picture (EXR or PNG)");
-  render->add_option("--scene", o->scene, "Scene; see icbench list scenes")->capture_default_str();
-  render->add_option("--integrator", o->integrator, "Integrator; see icbench list integrators")
-      ->capture_default_str();
-  render->add_option("--cache", o->cache, "Cache, for the integrators that use one")->capture_default_str();
-  render->add_option("--threads", o->threads, "Threads (default: one a processing unit)")
-      ->check(CLI::Range(1u, kMaxThreads));
-  render->add_option("--placement", o->placement, "compact | scatter | none")->capture_default_str();
-  render->add_option("--size", o->size, "WIDTHxHEIGHT, pixels")->capture_default_str();
-  render->add_option("--spp", o->spp, "Primary samples per pixel")
-      ->check(CLI::Range(1, 1 << 24))
-      ->capture_default_str();
-  render->add_option("--rays", o->rays, "Gather rays per record")
-      ->check(CLI::Range(1, 1 << 20))
-      ->capture_default_str();
-  render->add_option("--accuracy", o->accuracy, "Accuracy a of the cache, (0, 1]; smaller is finer")
-      ->capture_default_str();
-  render->add_option("--tiles", o->tiles, "Tile order: scanline | morton | random")->capture_default_str();
-  render->add_option("--seed", o->seed, "Seed of all random numbers")->capture_default_str();
-  render->add_option("--exposure", o->exposure, "PNG only: radiance is multiplied by this, then 1 is white")
-      ->capture_default_str();
-  render->add_option("--out", o->out, "Picture, .exr (exact) or .png (for viewing)")->capture_default_str();
-  render->add_option("--json", o->json, "Also write what it cost");
+  const auto add_text = [&](const char* name, std::string& value, const char* help) {
+    return render->add_option(name, value, help)->capture_default_str();
+  };
+  add_text("--scene", o->scene, "Scene; see icbench list scenes")->type_name("NAME");
+  add_text("--integrator", o->integrator, "Integrator; see icbench list integrators")->type_name("NAME");
+  add_text("--cache", o->cache, "Cache, for the integrators that use one; see icbench list\ncaches")
+      ->type_name("NAME");
+  add_whole(render, "--threads", o->threads, 1u, kMaxThreads,
+            "Threads, 1 to 8192 (default: one a processing unit)")
+      ->default_str("");
+  add_text("--placement", o->placement, "How threads are pinned: compact, scatter or none");
+  add_text("--size", o->size, "WIDTHxHEIGHT, pixels");
+  add_whole(render, "--spp", o->spp, 1u, 1u << 24, "Primary samples per pixel");
+  add_whole(render, "--rays", o->rays, 1u, 1u << 20, "Gather rays per record");
+  add_positive(render, "--accuracy", o->accuracy, 1.0f,
+               "Accuracy a of the cache, at most 1; smaller is finer");
+  add_text("--tiles", o->tiles, "Order of the tiles: scanline, morton or random");
+  add_whole(render, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
+  add_positive(render, "--exposure", o->exposure, 1e6f,
+               "PNG only: radiance is multiplied by this, then 1 is white");
+  add_text("--out", o->out, "Picture: .exr (exact) or .png (for viewing)")->type_name("FILE");
+  render->add_option("--json", o->json, "Also write what it cost to this file")->type_name("FILE");
   render->callback([o] { render_command(*o); });
 }
 

@@ -16,8 +16,9 @@ namespace icbench {
 namespace {
 
 struct SweepOptions {
-  std::string caches = "all", workloads = "read_only,miss_driven", threads, placement = "compact",
+  std::string caches = "all", workloads = "read_only,miss_driven", placement = "compact",
               out = "results.json";
+  std::vector<unsigned> threads;
   unsigned repetitions = 7;
   std::uint64_t seed = 1;
   std::uint32_t latency_every = 16;
@@ -51,7 +52,7 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   }
   request.caches = o.caches == "all" ? default_caches() : split_list("--caches", o.caches);
   for (const std::string& name : request.caches) find_cache(name);
-  request.threads = o.threads.empty() ? default_threads(topology) : parse_threads(o.threads);
+  request.threads = o.threads.empty() ? default_threads(topology) : o.threads;
   request.placement = parse_placement(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
@@ -80,6 +81,15 @@ nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::o
           {"environment", environment_identity(environment)}};
 }
 
+/// Runs a trial for its time alone.
+void run_valid(Sweep& sweep, const SweepPoint& point) {
+  try {
+    sweep.run(point, 0);
+  } catch (const InvalidTrial& e) {
+    throw CheckFailed(e.what());
+  }
+}
+
 /// Measures one trial of each workload and tells what the whole sweep would take.
 void estimate(Sweep& sweep, const Topology& topology) {
   const SweepRequest& r = sweep.request();
@@ -93,10 +103,10 @@ void estimate(Sweep& sweep, const Topology& topology) {
     const std::vector<SweepPoint> points = sweep.points(w, 0);
     if (points.empty()) continue;
     const auto start = Clock::now();
-    sweep.run(points.front(), 0);  // prepares the workload
+    run_valid(sweep, points.front());  // prepares the workload
     const double preparation = seconds_since(start);
     const auto again = Clock::now();
-    sweep.run(points.front(), 0);
+    run_valid(sweep, points.front());
     // A trial's time goes down with the processors its threads keep busy.
     const auto speed = [&](unsigned threads) {
       return static_cast<double>(std::min<std::size_t>(threads, topology.units().size()));
@@ -124,17 +134,12 @@ void sweep_command(const SweepOptions& o) {
   nlohmann::ordered_json context = environment(topology, info);
   const nlohmann::ordered_json configuration = configuration_of(request, context);
 
-  std::unique_ptr<ResultsWriter> results;
-  if (!o.dry_run) {
-    // Opened before anything is computed, so that a bad path or another configuration is told at once.
-    ResultsWriter(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
-  }
   Sweep sweep(request, topology);
   if (o.dry_run) return estimate(sweep, topology);
   context["work_calibration"] = sweep.work().calibration().to_json();
   context["tick_rate"] = sweep.tick_rate().to_json();
-  results = std::make_unique<ResultsWriter>(o.out, context, configuration,
-                                            o.resume ? OnExisting::resume : OnExisting::replace);
+  // Before anything is measured, so that a bad path or another configuration is told at once.
+  ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
 
   std::size_t trials = 0;
   for (std::size_t w = 0; w < request.workloads.size(); ++w)
@@ -146,14 +151,14 @@ void sweep_command(const SweepOptions& o) {
     for (unsigned repetition = 0; repetition < request.repetitions; ++repetition) {
       for (const SweepPoint& point : sweep.points(w, repetition)) {
         const std::string name = sweep.name_of(point);
-        if (results->is_completed(name, repetition)) {
+        if (results.is_completed(name, repetition)) {
           progress.skip(1);
           continue;
         }
         try {
           if (!std::exchange(warm, true))
             sweep.run(point, repetition);  // the first trial of a workload runs cold
-          results->add(sweep.run(point, repetition));
+          results.add(sweep.run(point, repetition));
         } catch (const InvalidTrial& e) {
           invalid.push_back(e.what());
         }
@@ -166,7 +171,7 @@ void sweep_command(const SweepOptions& o) {
         fmt::format("{} of {} trials were invalid and have no row, so '{}' stays incomplete; the first: {}",
                     invalid.size(), trials, o.out, invalid.front()));
   }
-  results->finish();
+  results.finish();
   progress.finish();
 }
 
@@ -177,28 +182,36 @@ void add_sweep(CLI::App& app) {
   CLI::App* sweep = app.add_subcommand("sweep", "Measure workloads x caches x threads into a results file");
   sweep
       ->add_option("--caches", o->caches,
-                   "Caches, separated by commas, or all (all but the oracle); see icbench list caches")
+                   "Caches, separated by commas; all leaves out brute_force, the\n"
+                   "oracle; see icbench list caches")
+      ->type_name("LIST")
       ->capture_default_str();
   sweep
       ->add_option("--workloads", o->workloads,
-                   "Workloads, separated by commas, e.g. miss_driven:cost=10; see icbench list workloads")
+                   "Workloads, separated by commas, with parameters as in\n"
+                   "miss_driven:cost=10:a=0.2; see icbench list workloads")
+      ->type_name("LIST")
       ->capture_default_str();
-  sweep->add_option("--threads", o->threads,
-                    "Thread counts, separated by commas (default: powers of two up to the processing units, "
-                    "and four times these)");
-  sweep->add_option("--placement", o->placement, "compact | scatter | none")->capture_default_str();
-  sweep->add_option("--repetitions", o->repetitions, "Repetitions of every point")
-      ->check(CLI::Range(1, 100000))
+  sweep
+      ->add_option_function<std::string>(
+          "--threads", [o](const std::string& text) { o->threads = parse_threads(text); },
+          "Thread counts, 1 to 8192, separated by commas (default: powers\n"
+          "of two up to the processing units, these, and four times these)")
+      ->type_name("LIST");
+  sweep->add_option("--placement", o->placement, "How threads are pinned: compact, scatter or none")
       ->capture_default_str();
-  sweep->add_option("--seed", o->seed, "Seed of points, operations and images")->capture_default_str();
-  sweep->add_option("--latency-every", o->latency_every, "Time one operation in so many; 1 all, 0 none")
+  add_whole(sweep, "--repetitions", o->repetitions, 1u, 100'000u, "Repetitions of every point");
+  add_whole(sweep, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
+            "Seed of points, operations and images");
+  add_whole(sweep, "--latency-every", o->latency_every, 0u, 1u << 30,
+            "Time one operation in so many; 1 times all, 0 none");
+  add_whole(sweep, "--reference-spp", o->reference_spp, 2u, 1u << 24,
+            "Samples per pixel of the path-traced reference that ray-traced\nworkloads are judged by");
+  sweep->add_option("--out", o->out, "Results (JSON); written as the sweep goes on")
+      ->type_name("FILE")
       ->capture_default_str();
-  sweep->add_option("--reference-spp", o->reference_spp, "Samples per pixel of the path-traced reference")
-      ->check(CLI::Range(2, 1 << 24))
-      ->capture_default_str();
-  sweep->add_option("--out", o->out, "Results file (JSON)")->capture_default_str();
-  sweep->add_flag("--resume", o->resume, "Go on with an interrupted sweep");
-  sweep->add_flag("--dry-run", o->dry_run, "Estimate the time and measure nothing");
+  sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
+  sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
   sweep->callback([o] { sweep_command(*o); });
 }
 

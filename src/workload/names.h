@@ -1,6 +1,7 @@
-// Enumerators as they stand in results and on the command line.
+// Enumerators and numbers as they stand in results and on the command line.
 #pragma once
 
+#include <charconv>
 #include <string_view>
 
 #include "core/cache.h"
@@ -59,6 +60,15 @@ constexpr std::string_view to_string(TileOrder order) noexcept {
       return "random";
   }
   return "unknown";
+}
+
+/// The double nearest to the shortest decimal that reads as `x`: 0.3, where x itself is 0.30000001192092896.
+inline double shortest_decimal(float x) {
+  char text[32];
+  const char* const end = std::to_chars(text, text + sizeof text, x).ptr;
+  double value = 0.0;
+  std::from_chars(text, end, value);
+  return value;
 }
 
 }  // namespace icbench

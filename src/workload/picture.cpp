@@ -5,6 +5,11 @@
 
 namespace icbench {
 
+std::uint64_t picture_bytes(const PictureRequest& r) {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
+  return pixels * (r.integrator.needs_cache ? sizeof(Hit) + 3 * sizeof(glm::vec3) : sizeof(glm::vec3));
+}
+
 double picture_work(const PictureRequest& r) {
   return static_cast<double>(make_tiles(r.width, r.height, kPictureTile, r.tiles, r.seed).size()) * r.spp;
 }

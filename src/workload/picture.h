@@ -38,6 +38,9 @@ struct PictureOutcome {
   std::uint64_t records = 0;
 };
 
+/// Memory that the pixels of a picture take while it is made, bytes; records come on top.
+std::uint64_t picture_bytes(const PictureRequest& request);
+
 /// Tiles that a picture of this size is made of, times samples: the total that `progress` adds up to.
 double picture_work(const PictureRequest& request);
 

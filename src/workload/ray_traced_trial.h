@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/cache.h"
@@ -15,8 +16,9 @@ namespace icbench {
 /// What one thread keeps of a ray-traced pass, on lines of its own.
 template <class Session>
 struct alignas(kNoSharing) RayTracedWorker {
-  RayTracedWorker(Session s, const RayTracer& rays, std::uint32_t latency_every, std::uint64_t seed)
-      : session(s), timed(Remembering{this}, latency_every, seed), tracer(rays) {}
+  RayTracedWorker(Session s, std::span<Record> shared, const RayTracer& rays, std::uint32_t latency_every,
+                  std::uint64_t seed)
+      : session(s), accepted(shared), timed(Remembering{this}, latency_every, seed), tracer(rays) {}
 
   /// Passes operations through and remembers what was accepted, for validation.
   struct Remembering {
@@ -24,13 +26,13 @@ struct alignas(kNoSharing) RayTracedWorker {
     std::optional<Irradiance> query(const SurfacePoint& x) noexcept { return worker->session.query(x); }
     InsertResult insert(const Record& r) noexcept {
       const InsertResult result = worker->session.insert(r);
-      if (result == InsertResult::inserted) worker->accepted.push_back(r);
+      if (result == InsertResult::inserted) worker->accepted[r.id] = r;
       return result;
     }
   };
 
   Session session;
-  std::vector<Record> accepted;  // reserved before the clock starts
+  std::span<Record> accepted;  // by id, which is the pixel; shared by all workers
   TimedSession<Remembering> timed;
   Tracer tracer;
   CacheUse use;
@@ -45,13 +47,16 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   Cache cache(plan.config(threads));
   Image indirect = make_image(plan.primary().width, plan.primary().height);
 
+  std::vector<Record> accepted(pixels, Record{});  // R = 0 where there is none
   std::vector<std::unique_ptr<Worker>> workers(threads);
   setup.team.run([&](unsigned t) {
     auto session = cache.open_session(t);
     session.prefault(static_cast<std::uint32_t>(pixels / 8 / threads + 1));
-    workers[t] = std::make_unique<Worker>(session, plan.rays(), setup.latency_every, hash_keys(t, 7));
-    workers[t]->accepted.reserve(pixels / threads + 1);
+    workers[t] =
+        std::make_unique<Worker>(session, accepted, plan.rays(), setup.latency_every, hash_keys(t, 7));
   });
+
+  cache.reset_counters();
 
   const IrradianceCacheParams params = plan.params(setup.seed);
   TileCursor cursor(plan.tiles());
@@ -65,27 +70,24 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   const double merge_ns = timed_end_frame(cache);
 
   TrialOutcome out = outcome_of(cache, times, merge_ns);
-  std::vector<Record> accepted;
+  std::uint64_t inserts = 0;
   for (const auto& w : workers) {
+    inserts += w->use.inserts;
     out.query_ticks.merge(w->timed.query_ticks);
     out.insert_ticks.merge(w->timed.insert_ticks);
     out.rays += w->tracer.counts;
-    accepted.insert(accepted.end(), w->accepted.begin(), w->accepted.end());
   }
   plan.judge(indirect, out);
   if constexpr (Cache::kTraits.consistency != Consistency::none) {
-    std::sort(accepted.begin(), accepted.end(), [](const Record& a, const Record& b) { return a.id < b.id; });
     const auto expected = [&](std::uint32_t id) -> const Record* {
-      const auto at = std::lower_bound(accepted.begin(), accepted.end(), id,
-                                       [](const Record& r, std::uint32_t wanted) { return r.id < wanted; });
-      return at != accepted.end() && at->id == id ? &*at : nullptr;
+      return id < pixels && accepted[id].R > 0.0f ? &accepted[id] : nullptr;
     };
     std::vector<SurfacePoint> points;
     for (const Hit& hit : plan.primary().hits) {
       if (reflects(plan.rays(), hit)) points.push_back({hit.p, hit.n});
     }
     auto session = cache.open_session(0);
-    out.error = validate_records(cache, session, accepted.size(), sample_points(points, 32), expected);
+    out.error = validate_records(cache, session, inserts, sample_points(points, 32), expected);
     if (out.error.empty() && out.counts.rejected + out.counts.full != 0) {
       out.error = fmt::format("{} inserts refused", out.counts.full + out.counts.rejected);
     }

@@ -2,11 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <functional>
 #include <stdexcept>
+#include <utility>
 
+#include "caches/session.h"
 #include "core/names.h"
 #include "scene/registry.h"
 
@@ -49,70 +52,83 @@ double parse_number(std::string_view workload, std::string_view key, std::string
 
 struct Parameter {
   std::string_view key;
-  std::string default_value;
   std::function<void(WorkloadSpec&, std::string_view value)> set;
+  std::function<std::string(const WorkloadSpec&)> get;  // canonical text of the value
 };
+
+/// A parameter whose values are names: `parse` finds the one called that, or throws with the known ones.
+template <class Value>
+Parameter named(std::string_view text, std::string_view key, Value WorkloadSpec::*member,
+                std::vector<std::pair<std::string_view, Value>> values) {
+  const auto set = [=](WorkloadSpec& spec, std::string_view value) {
+    std::vector<std::string_view> names;
+    for (const auto& [name, meaning] : values) {
+      if (name == value) {
+        spec.*member = meaning;
+        return;
+      }
+      names.push_back(name);
+    }
+    fail(text, unknown_name(key, value, names));
+  };
+  const auto get = [=](const WorkloadSpec& spec) {
+    for (const auto& [name, meaning] : values) {
+      if (meaning == spec.*member) return std::string(name);
+    }
+    return std::string();
+  };
+  return {key, set, get};
+}
 
 /// The parameters of a workload, in canonical order.
 std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view text) {
-  const auto number = [text](std::string_view key, double low, double high, bool whole, auto member) {
-    return [=](WorkloadSpec& spec, std::string_view value) {
-      using Field = std::remove_reference_t<decltype(spec.*member)>;
-      spec.*member = static_cast<Field>(parse_number(text, key, value, low, high, whole));
-    };
-  };
   std::vector<Parameter> known;
+  const auto add_number = [&](std::string_view key, double low, double high, bool whole, auto member) {
+    using Field = std::remove_reference_t<decltype(s.*member)>;
+    const auto set = [=](WorkloadSpec& spec, std::string_view value) {
+      spec.*member =
+          static_cast<std::remove_const_t<Field>>(parse_number(text, key, value, low, high, whole));
+    };
+    known.push_back({key, set, [=](const WorkloadSpec& spec) { return fmt::to_string(spec.*member); }});
+  };
   if (s.kind == WorkloadKind::ray_traced) {
-    known.push_back({"integrator", "irradiance_cache", [text](WorkloadSpec& spec, std::string_view value) {
-                       if (value != "path" && value != "irradiance_cache") {
-                         fail(text, fmt::format("integrator={} is neither irradiance_cache nor path", value));
-                       }
-                       spec.path = value == "path";
-                     }});
-    known.push_back({"rays", fmt::to_string(s.rays), number("rays", 1, 1 << 20, true, &WorkloadSpec::rays)});
-    known.push_back({"a", fmt::to_string(s.a), number("a", 0.001, 1, false, &WorkloadSpec::a)});
-    known.push_back({"spp", fmt::to_string(s.spp), number("spp", 1, 1 << 20, true, &WorkloadSpec::spp)});
     known.push_back(
-        {"size", fmt::format("{}x{}", s.width, s.height), [text](WorkloadSpec& spec, std::string_view value) {
-           const std::size_t x = value.find('x');
-           if (x == value.npos) fail(text, fmt::format("size={} is not of the form WxH", value));
-           spec.width =
-               static_cast<std::uint32_t>(parse_number(text, "size", value.substr(0, x), 1, 16384, true));
-           spec.height =
-               static_cast<std::uint32_t>(parse_number(text, "size", value.substr(x + 1), 1, 16384, true));
-         }});
-    known.push_back({"tiles", "morton", [](WorkloadSpec& spec, std::string_view value) {
-                       spec.tiles = parse_tile_order(value);
-                     }});
+        named(text, "integrator", &WorkloadSpec::path, {{"irradiance_cache", false}, {"path", true}}));
+    add_number("rays", 1, 1 << 20, true, &WorkloadSpec::rays);
+    add_number("a", 0.001, 1, false, &WorkloadSpec::a);
+    add_number("spp", 1, 1 << 20, true, &WorkloadSpec::spp);
+    const auto set_size = [text](WorkloadSpec& spec, std::string_view value) {
+      const std::size_t x = value.find('x');
+      if (x == value.npos) fail(text, fmt::format("size={} is not of the form WIDTHxHEIGHT", value));
+      const auto side = [&](std::string_view digits) {
+        return static_cast<std::uint32_t>(parse_number(text, "size", digits, 1, 16384, true));
+      };
+      spec.width = side(value.substr(0, x));
+      spec.height = side(value.substr(x + 1));
+    };
+    known.push_back({"size", set_size,
+                     [](const WorkloadSpec& spec) { return fmt::format("{}x{}", spec.width, spec.height); }});
+    known.push_back(named(
+        text, "tiles", &WorkloadSpec::tiles,
+        {{"scanline", TileOrder::scanline}, {"morton", TileOrder::morton}, {"random", TileOrder::random}}));
     return known;
   }
-  known.push_back({"order", "uniform", [text](WorkloadSpec& spec, std::string_view value) {
-                     if (value == "uniform") {
-                       spec.order = PointOrder::uniform;
-                     } else if (value == "hot_spot") {
-                       spec.order = PointOrder::hot_spot;
-                     } else if (value == "coherent") {
-                       spec.order = PointOrder::coherent;
-                     } else {
-                       fail(text, fmt::format("order={} is none of uniform, hot_spot, coherent", value));
-                     }
-                   }});
+  known.push_back(named(text, "order", &WorkloadSpec::order,
+                        {{"uniform", PointOrder::uniform},
+                         {"hot_spot", PointOrder::hot_spot},
+                         {"coherent", PointOrder::coherent}}));
   if (s.kind == WorkloadKind::miss_driven) {
-    known.push_back(
-        {"cost", fmt::to_string(s.cost_us), number("cost", 0, 1e6, false, &WorkloadSpec::cost_us)});
+    add_number("cost", 0, 1e6, false, &WorkloadSpec::cost_us);
   } else {
-    known.push_back(
-        {"records", fmt::to_string(s.records), number("records", 1, 1 << 24, true, &WorkloadSpec::records)});
+    add_number("records", 1, 1 << 24, true, &WorkloadSpec::records);
   }
   if (s.kind != WorkloadKind::insert_only) {
-    known.push_back({"operations", fmt::to_string(s.operations),
-                     number("operations", 1, 1 << 28, true, &WorkloadSpec::operations)});
+    add_number("operations", 1, 1 << 28, true, &WorkloadSpec::operations);
   }
-  known.push_back({"a", fmt::to_string(s.a), number("a", 0.001, 1, false, &WorkloadSpec::a)});
-  known.push_back({"scene", s.scene, [](WorkloadSpec& spec, std::string_view value) {
-                     make_scene(value);  // throws for an unknown name
-                     spec.scene = value;
-                   }});
+  add_number("a", 0.001, 1, false, &WorkloadSpec::a);
+  std::vector<std::pair<std::string_view, std::string>> scenes;
+  for (const SceneEntry& e : kScenes) scenes.emplace_back(e.name, e.name);
+  known.push_back(named(text, "scene", &WorkloadSpec::scene, std::move(scenes)));
   return known;
 }
 
@@ -123,7 +139,7 @@ std::vector<std::string_view> base_names() {
   return names;
 }
 
-WorkloadSpec base_spec(std::string_view base, std::string_view text) {
+WorkloadSpec base_spec(std::string_view base) {
   WorkloadSpec spec;
   spec.name = base;
   for (const Synthetic& s : kSynthetic) {
@@ -139,7 +155,7 @@ WorkloadSpec base_spec(std::string_view base, std::string_view text) {
     spec.scene = base;
     return spec;
   }
-  fail(text, unknown_name("workload", base, base_names()));
+  throw std::runtime_error(unknown_name("workload", base, base_names()));
 }
 
 }  // namespace
@@ -163,31 +179,37 @@ std::string_view to_string(WorkloadKind kind) noexcept {
 WorkloadSpec parse_workload(std::string_view text) {
   const std::size_t colon = text.find(':');
   const std::string_view base = text.substr(0, colon);
-  WorkloadSpec spec = base_spec(base, text);
+  WorkloadSpec spec = base_spec(base);
   const std::vector<Parameter> known = parameters_of(spec, text);
-  std::vector<std::string> given(known.size());
-  for (std::string_view rest = colon == text.npos ? "" : text.substr(colon + 1); !rest.empty();) {
-    const std::size_t end = rest.find(':');
-    const std::string_view pair = rest.substr(0, end);
-    rest = end == rest.npos ? "" : rest.substr(end + 1);
+  std::vector<bool> given(known.size());
+  for (std::size_t end = colon; end != text.npos;) {
+    const std::size_t begin = end + 1;
+    end = text.find(':', begin);
+    const std::string_view pair = text.substr(begin, end - begin);
     const std::size_t equals = pair.find('=');
     if (equals == pair.npos) fail(text, fmt::format("'{}' is not of the form key=value", pair));
-    const std::string_view key = pair.substr(0, equals), value = pair.substr(equals + 1);
-    bool found = false;
-    for (std::size_t i = 0; i < known.size(); ++i) {
-      if (known[i].key != key) continue;
-      known[i].set(spec, value);
-      given[i] = pair;
-      found = true;
-    }
-    if (!found) {
+    const std::string_view key = pair.substr(0, equals);
+    const auto at =
+        std::find_if(known.begin(), known.end(), [&](const Parameter& p) { return p.key == key; });
+    if (at == known.end()) {
       std::vector<std::string_view> keys;
       for (const Parameter& p : known) keys.push_back(p.key);
       fail(text, unknown_name("parameter", key, keys));
     }
+    const auto index = static_cast<std::size_t>(at - known.begin());
+    if (given[index]) fail(text, fmt::format("{} is given twice", key));
+    given[index] = true;
+    at->set(spec, pair.substr(equals + 1));
   }
-  for (const std::string& parameter : given) {
-    if (!parameter.empty()) spec.name += ":" + parameter;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (given[i]) spec.name += fmt::format(":{}={}", known[i].key, known[i].get(spec));
+  }
+  // Every session may hold a batch of tickets that it does not use.
+  constexpr std::uint64_t kMost = kMaxCapacity - std::uint64_t{kMaxSessions} * TicketOffice<StdSync>::kBatch;
+  const bool is_filled = spec.kind == WorkloadKind::read_only || spec.kind == WorkloadKind::mix;
+  if (const std::uint64_t n = std::uint64_t{spec.inserts()} + (is_filled ? spec.records : 0); n > kMost) {
+    fail(text,
+         fmt::format("it stores {} records, a cache at most {}; lower operations or records", n, kMost));
   }
   return spec;
 }
@@ -195,10 +217,10 @@ WorkloadSpec parse_workload(std::string_view text) {
 std::vector<WorkloadEntry> list_workloads() {
   std::vector<WorkloadEntry> entries;
   const auto add = [&](std::string_view name, std::string description) {
-    const WorkloadSpec spec = base_spec(name, name);
+    const WorkloadSpec spec = base_spec(name);
     std::string parameters;
     for (const Parameter& p : parameters_of(spec, name)) {
-      parameters += fmt::format("{}{}={}", parameters.empty() ? "" : " ", p.key, p.default_value);
+      parameters += fmt::format("{}{}={}", parameters.empty() ? "" : " ", p.key, p.get(spec));
     }
     entries.push_back({std::string(name), std::move(description), std::move(parameters)});
   };

@@ -30,7 +30,8 @@ enum class PointOrder : std::uint8_t {
 };
 
 struct WorkloadSpec {
-  std::string name;  ///< canonical: base name, then the parameters that were given, in a fixed order
+  /// Canonical: base name, then the parameters that were given, in a fixed order and notation.
+  std::string name;
   WorkloadKind kind = WorkloadKind::read_only;
   std::string scene = "cornell_box";
   float a = 0.3f;  ///< accuracy of queries, (0, 1]
@@ -50,6 +51,12 @@ struct WorkloadSpec {
   std::uint32_t spp = 16;  ///< path: samples per pixel
 
   bool uses_cache() const noexcept { return !path; }
+
+  /// Inserts that are known beforehand: all but those that follow from misses.
+  std::uint32_t inserts() const noexcept {
+    if (kind == WorkloadKind::insert_only) return records;
+    return static_cast<std::uint32_t>(std::uint64_t{operations} * inserts_per_1000 / 1000);
+  }
 };
 
 /// Parses one workload. Throws std::runtime_error with one line that names what is wrong and what is known.

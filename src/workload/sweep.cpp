@@ -9,6 +9,7 @@
 #include "caches/session.h"
 #include "core/random.h"
 #include "scene/registry.h"
+#include "workload/memory.h"
 #include "workload/names.h"
 
 namespace icbench {
@@ -61,6 +62,13 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
       tick_rate_(calibrate_ticks()) {
   std::size_t points_in_all = 0;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
+  for (const WorkloadSpec& spec : request_.workloads) {
+    if (spec.kind != WorkloadKind::ray_traced) continue;
+    // Hits, the reference and its halves, and the trial's own image.
+    constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 4 * sizeof(glm::vec3);
+    require_memory(fmt::format("workload '{}'", spec.name),
+                   std::uint64_t{spec.width} * spec.height * kBytesPerPixel);
+  }
   if (points_in_all == 0) {
     throw std::runtime_error("this sweep has no point: caches for a single thread run with --threads 1 only");
   }
@@ -209,7 +217,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
       c["spp"] = spec.spp;
     } else {
       c["rays_per_record"] = spec.rays;
-      c["accuracy"] = spec.a;
+      c["accuracy"] = shortest_decimal(spec.a);
     }
     c["rays"] = o.rays.total();
     c["seconds_indirect"] = 1e-9 * o.wall_ns;
@@ -220,7 +228,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
     c["reference_spp"] = data.ray_traced->reference().spp;
   } else {
     c["order"] = to_string(spec.order);
-    c["accuracy"] = spec.a;
+    c["accuracy"] = shortest_decimal(spec.a);
     if (spec.kind == WorkloadKind::miss_driven) c["record_cost_us"] = spec.cost_us;
   }
   return entry;

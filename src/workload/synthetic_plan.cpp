@@ -14,11 +14,6 @@ constexpr std::uint32_t kQueryPoints = 1u << 17;
 constexpr int kImage = 512;       // pixels a side of the image that coherent points are seen through
 constexpr double kOverlap = 6.0;  // records valid at a point of a filled cache, on average
 
-std::uint32_t inserts_of(const WorkloadSpec& s) {
-  if (s.kind == WorkloadKind::insert_only) return s.records;
-  return static_cast<std::uint32_t>(std::uint64_t{s.operations} * s.inserts_per_1000 / 1000);
-}
-
 }  // namespace
 
 Irradiance smooth_irradiance(const glm::vec3& p) noexcept {
@@ -34,7 +29,7 @@ SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, st
   if (spec.kind == WorkloadKind::miss_driven) return;
 
   prefilled_ = spec.kind == WorkloadKind::insert_only ? 0 : spec.records;
-  const std::uint32_t n = prefilled_ + inserts_of(spec);
+  const std::uint32_t n = prefilled_ + spec.inserts();
   const SurfacePoints sites = scattered_points(rays, n, hash_keys(seed, 1));
   for (std::uint32_t i = 0; i < n; ++i) {
     const SurfacePoint& x = sites.points[i];
@@ -96,16 +91,16 @@ Record SyntheticPlan::record_at(const Streams& streams, std::uint32_t operation)
 
 Streams SyntheticPlan::streams(unsigned threads, std::uint64_t seed) const {
   const std::uint32_t n = spec_.kind == WorkloadKind::insert_only ? spec_.records : spec_.operations;
-  const std::uint32_t inserts = inserts_of(spec_);
+  const std::uint32_t inserts = spec_.inserts();
   const auto points = static_cast<std::uint32_t>(points_.points.size());
   Streams out;
   out.operations.reserve(n);
   out.begin.push_back(0);
-  // Where a coherent thread stands: tiles are dealt round, point by point within a tile.
   std::uint32_t next_insert = prefilled_;
+  Pcg32 random(hash_keys(seed, 4));  // one for all: the operations do not depend on how they are dealt
   for (unsigned t = 0; t < threads; ++t) {
     const auto end = static_cast<std::uint32_t>(std::uint64_t{n} * (t + 1) / threads);
-    Pcg32 random(hash_keys(seed, t, 4));
+    // Where a coherent thread stands: tiles are dealt round, point by point within a tile.
     std::uint32_t tile = t, at = 0, tile_end = 0;
     for (std::uint32_t i = out.begin.back(); i < end; ++i) {
       // Inserts are spread evenly over the operations, so that every thread gets its share and each is made

@@ -41,7 +41,8 @@ class SyntheticPlan {
   /// The record that a miss-driven stream inserts when its operation number `operation` misses.
   Record record_at(const Streams& streams, std::uint32_t operation) const noexcept;
 
-  /// The operations of a repetition, dealt to `threads` threads.
+  /// The operations of a repetition, dealt to `threads` threads: the same ones in the same order for any
+  /// number of threads, except that threads which ask coherently each take tiles of their own.
   Streams streams(unsigned threads, std::uint64_t seed) const;
 
   /// Configuration of a cache for `threads` threads, with room for every record that may come.

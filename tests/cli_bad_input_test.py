@@ -1,0 +1,174 @@
+#!/usr/bin/env python3
+"""The icbench program and bad input: one line, exit status 2, every file as it was."""
+
+import itertools
+import os
+import resource
+import subprocess
+import unittest
+
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_render, small_sweep
+
+
+class BadInput(Case):
+    """One line, status 2, and every file as it was."""
+
+    def setUp(self):
+        super().setUp()
+        for name in "results.json", "render.exr", "out.json":
+            (self.folder / name).write_text(PRECIOUS)
+
+    def test_unknown_names_with_the_nearest_offered(self):
+        for arguments, nearest in (
+                (["swep"], "sweep"),
+                (["list", "cachs"], "caches"),
+                (["list", "--jsn", "caches"], "--json"),
+                (["sweep", "--cahces", "null"], "--caches"),
+                (["render", "--sceen=cornell_box"], "--scene"),
+                (["sweep", "--caches", "null,wait-free"], "wait_free"),
+                (["sweep", "--workloads", "red_only"], "read_only"),
+                (["sweep", "--workloads", "read_only:recods=3"], "records"),
+                (["sweep", "--workloads", "read_only:scene=cornel_box"], "cornell_box"),
+                (["sweep", "--workloads", "read_only:order=hotspot"], "hot_spot"),
+                (["sweep", "--workloads", "cornell_box:tiles=mortn"], "morton"),
+                (["sweep", "--workloads", "cornell_box:integrator=paht"], "path"),
+                (["render", "--scene", "cornel_box"], "cornell_box"),
+                (["render", "--integrator", "iradiance_cache"], "irradiance_cache"),
+                (["render", "--cache", "waitfree"], "wait_free"),
+                (["compare", "a", "b", "--metrics", "rmse,relmes"], "relmse")):
+            with self.subTest(arguments):
+                self.refuse(*arguments, says=["unknown", f"did you mean '{nearest}'?"])
+
+    def test_arguments_that_nobody_expects(self):
+        for arguments, part in ((["sweep", "now"], "now"), (["list", "caches", "scenes"], "scenes"),
+                                (["--threads", "2", "sweep"], "--threads"), (["foo", "sweep"], "foo"),
+                                (["list"], "WHAT"), (["compare", "a.exr"], "B"),
+                                (["sweep", "--out"], "--out"), (["a\nb"], "a b"),
+                                (["sweep", "--seed", "1", "--seed", "2"], "--seed")):
+            with self.subTest(arguments):
+                self.refuse(*arguments, says=[part])
+
+    def test_numbers_out_of_range(self):
+        numbers = {
+            "--threads": ["0", "-1", "10000", "1.5", "", "x", "0x2", " 2"],
+            "--seed": ["-1", "1.5", "x", "18446744073709551616"],
+        }
+        sweep = {
+            "--threads": ["1,,2", ",1", "1,", "2,2", "1 2"],
+            "--repetitions": ["0", "-1", "1.5", "x", ""],
+            "--latency-every": ["-1", "x", "4294967295"],
+            "--reference-spp": ["0", "1"],
+            "--placement": ["foo", ""],
+            "--caches": ["", "null,", "null,null"],
+            "--workloads": ["", ","],
+        }
+        render = {
+            "--size": ["0x0", "0x5", "5", "1x", "x1", "1x1x1", "99999999x1", "-4x4", "4x-4", "1.5x2", ""],
+            "--spp": ["0", "-1", "x"],
+            "--rays": ["0", "-1", "1.5"],
+            "--accuracy": ["0", "-1", "nan", "2", "x"],
+            "--exposure": ["0", "-1", "nan", "inf", ""],
+            "--tiles": ["foo"],
+            "--placement": ["foo"],
+        }
+        for command, options in ("sweep", [numbers, sweep]), ("render", [numbers, render]):
+            for option, values in itertools.chain.from_iterable(o.items() for o in options):
+                for value in values:
+                    with self.subTest(command=command, option=option, value=value):
+                        self.refuse(command, option, value)
+
+    def test_workload_parameters(self):
+        for workload in ("read_only:records=0", "read_only:records=16777217", "read_only:records=1.5",
+                         "read_only:operations=0", "read_only:cost=1", "miss_driven:cost=-1",
+                         "miss_driven:cost=nan", "miss_driven:records=5", "read_only:a=0", "read_only:a=2",
+                         "read_only:a=nan", "read_only:a=", "read_only:a", "read_only:=3", "read_only:",
+                         "read_only::a=0.1", "read_only:a=0.1:a=0.2", "read_only:order=foo",
+                         "read_only:scene=", "mix_50_50:operations=268435456", "cornell_box:size=0x0",
+                         "cornell_box:size=5",
+                         "cornell_box:size=1x", "cornell_box:size=16385x1", "cornell_box:rays=0",
+                         "cornell_box:spp=0", "cornell_box:tiles=foo", "cornell_box:integrator=whitted",
+                         "cornell_box:records=5", ":a=0.3"):
+            with self.subTest(workload):
+                self.refuse("sweep", "--workloads", workload, says=["workload"])
+        self.refuse("sweep", "--workloads", "read_only:a=0.3,read_only:a=0.30", says=["twice"])
+
+    def test_single_thread_caches_with_many_threads(self):
+        self.refuse("sweep", "--caches", "sequential,brute_force", "--threads", "2", says=["--threads 1"])
+        self.refuse("render", "--cache", "sequential", "--threads", "2", says=["--threads 1"])
+
+    def test_outputs_that_cannot_be_written(self):
+        (self.folder / "folder.exr").mkdir()
+        self.succeed(*small_render(out="picture.exr"))
+        places = ["missing/a.exr", "folder.exr", "results.json/a.exr"]
+        if os.geteuid() != 0:
+            (self.folder / "locked").mkdir(mode=0o555)
+            (self.folder / "locked.exr").write_text(PRECIOUS)
+            (self.folder / "locked.exr").chmod(0o444)
+            places += ["locked/a.exr", "locked.exr"]
+        for place in places:
+            for arguments in (small_sweep(out=place), small_render(out=place),
+                              small_render(json=place),
+                              ["compare", "picture.exr", "picture.exr", "--json", place]):
+                with self.subTest(arguments):
+                    before = self.contents()
+                    self.assert_refused(self.run_icbench(*arguments), place)
+                    self.assertEqual(self.contents(), before)
+        self.refuse(*small_sweep(out=""), says=["--out"])
+        self.refuse(*small_sweep(out="/proc/a.json"), says=["/proc/a.json"])
+        self.refuse(*small_render(out="/proc/a.exr"), says=["/proc/a.exr"])
+        self.refuse(*small_render(out="a.jpg"), says=[".exr or .png"])
+        self.refuse(*small_sweep(out="/dev/null"), "--resume", says=["cannot resume"])
+
+    def test_full_disks(self):
+        for name in "full.exr", "full.png":
+            (self.folder / name).symlink_to("/dev/full")
+        self.succeed(*small_render(out="picture.exr"))
+        for arguments in (small_sweep(out="/dev/full"),
+                          small_sweep(out="full.exr"),
+                          small_render(out="full.exr"),
+                          small_render(out="full.png"),
+                          ["compare", "picture.exr", "picture.exr", "--json", "/dev/full"]):
+            with self.subTest(arguments):
+                before = self.contents()
+                self.assert_refused(self.run_icbench(*arguments), arguments[-1], "No space left")
+                self.assertEqual(self.contents(), before)
+        done = self.run_icbench(*small_render(out="kept.exr", json="/dev/full"))
+        self.assert_refused(done, "/dev/full")
+        self.assertTrue((self.folder / "kept.exr").exists(), "a picture that was computed is kept")
+
+    def test_standard_output_that_cannot_be_written(self):
+        for arguments in (["list", "workloads"], ["list", "caches", "--json"], ["--help"],
+                          ["sweep", "--help"]):
+            with open("/dev/full", "w") as full:
+                done = self.run_icbench(*arguments, capture_output=False, stdout=full, stderr=subprocess.PIPE)
+            self.assert_refused(done)
+            closed = subprocess.run(["sh", "-c", '"$0" "$@" >&-', ICBENCH, *arguments], cwd=self.folder,
+                                    stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
+            self.assert_refused(closed, "standard output")
+
+    def test_closed_streams_never_end_up_in_files(self):
+        arguments = small_render(out="a.exr", json="a.json")
+        done = subprocess.run(["sh", "-c", '"$0" "$@" <&- >&- 2>&-', ICBENCH, *arguments],
+                              cwd=self.folder, timeout=PATIENCE)
+        self.assertEqual(done.returncode, 2)
+        self.assertEqual(self.load("a.json")["width"], 16)
+        self.succeed("compare", "a.exr", "a.exr")
+
+    @unittest.skipIf(SANITIZED, "sanitizers need their terabytes of address space")
+    def test_too_little_memory(self):
+        limit = 600 << 20
+        for arguments in (small_sweep(workloads="cornell_box:size=16384x16384", out="a.json"),
+                          small_sweep(workloads="miss_driven:operations=200000000", out="a.json"),
+                          small_sweep(threads=8192, out="a.json"),
+                          small_render(size="16384x16384", out="a.exr"),
+                          small_render(size="8192x8192", integrator="whitted", out="a.exr"),
+                          small_render(threads=8192, out="a.exr")):
+            with self.subTest(arguments):
+                done = self.run_icbench(
+                    *arguments,
+                    preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
+                self.assert_refused(done)
+
+
+if __name__ == "__main__":
+    unittest.main()

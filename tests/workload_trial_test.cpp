@@ -1,0 +1,172 @@
+// Synthetic trials on every cache, and on broken caches that a trial must find out.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+
+#include "caches/registry.h"
+#include "scene/registry.h"
+#include "workload/dispatch.h"
+#include "workload/synthetic_plan.h"
+#include "workload/synthetic_trial.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint64_t kSeed = 3;
+
+SyntheticPlan plan_of(const std::string& workload) {
+  const RayTracer rays(make_scene("white_furnace"));
+  return {parse_workload(workload), rays, 1};
+}
+
+/// Runs trials with teams that are made once.
+class Bench {
+ public:
+  template <class Run>
+  TrialOutcome operator()(Run&& run, const SyntheticPlan& plan, unsigned threads) {
+    auto& team = teams_[threads];
+    if (!team) team = std::make_unique<ThreadTeam>(topology_, Placement::none, threads);
+    return run(plan, TrialSetup{*team, work_, kSeed, 1});
+  }
+
+ private:
+  Topology topology_ = Topology::of_this_process();
+  Work work_{WorkCalibration{}};
+  std::map<unsigned, std::unique_ptr<ThreadTeam>> teams_;
+};
+
+class Trials : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(Trials, AreValidOnEveryCacheAndNumberOfThreads) {
+  const SyntheticPlan plan = plan_of(GetParam());
+  const WorkloadSpec& spec = plan.spec();
+  Bench bench;
+  for (const CacheEntry& cache : all_caches()) {
+    for (const unsigned threads : {1u, 2u, 8u}) {
+      if (cache.traits.single_thread && threads > 1) continue;
+      SCOPED_TRACE(::testing::Message() << cache.traits.name << ", " << threads << " threads");
+      const TrialOutcome out = bench(cache.synthetic, plan, threads);
+      ASSERT_EQ(out.error, "");
+      EXPECT_GT(out.wall_ns, 0.0);
+      EXPECT_LE(out.counts.hits, out.counts.queries);
+      EXPECT_EQ(out.query_ticks.count(), out.counts.queries) << "every operation was to be timed";
+      EXPECT_EQ(out.query_ticks.count() + out.insert_ticks.count(), out.operations);
+      const std::uint64_t operations =
+          spec.kind == WorkloadKind::insert_only ? spec.records : spec.operations;
+      if (spec.kind != WorkloadKind::miss_driven) {
+        EXPECT_EQ(out.operations, operations);
+      }
+      if (cache.traits.consistency == Consistency::none) {
+        EXPECT_EQ(out.records, 0u);
+        continue;
+      }
+      EXPECT_EQ(out.records, plan.prefilled() + out.counts.inserted);
+      EXPECT_GT(out.bytes, out.records * sizeof(Record));
+      EXPECT_EQ(out.counts.full + out.counts.rejected + out.counts.invalid_queries, 0u);
+      if (spec.kind == WorkloadKind::miss_driven) {
+        EXPECT_EQ(out.counts.queries, operations);
+        EXPECT_EQ(out.counts.inserted, out.counts.queries - out.counts.hits);
+        if (threads == 1) {
+          EXPECT_EQ(out.records, plan.records_of_one_thread(kSeed)) << "redundant records";
+        }
+      } else {
+        EXPECT_EQ(out.counts.inserted, spec.inserts());
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, Trials,
+                         ::testing::Values("read_only:records=500:operations=1500",
+                                           "insert_only:records=1500", "mix_99_1:records=500:operations=1500",
+                                           "mix_90_10:records=500:operations=1500:order=hot_spot",
+                                           "mix_50_50:records=500:operations=1500",
+                                           "miss_driven:cost=0:operations=1500",
+                                           "miss_driven:cost=1:operations=1500:order=hot_spot",
+                                           "miss_driven:cost=0:operations=1500:order=coherent",
+                                           "mix_50_50:records=3:operations=4"),
+                         [](const auto& kind) { return "Kind" + std::to_string(kind.index); });
+
+// Broken caches: the wait-free one with a single fault each.
+constexpr std::uint32_t kVictim = 0;  // a miss-driven workload starts with a miss
+
+template <class Counters>
+struct Losing : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  template <class F>
+  void for_each_record(F&& f) const {
+    WaitFree<Counters>::for_each_record([&](const Record& r) {
+      if (r.id != kVictim) f(r);
+    });
+  }
+};
+
+template <class Counters>
+struct Tearing : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  template <class F>
+  void for_each_record(F&& f) const {
+    WaitFree<Counters>::for_each_record([&](Record r) {
+      if (r.id == kVictim) r.E.y = 0.0f;
+      f(r);
+    });
+  }
+};
+
+template <class Counters>
+struct Inventing : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  template <class F>
+  void for_each_record(F&& f) const {
+    WaitFree<Counters>::for_each_record([&](Record r) {
+      if (r.id == kVictim) r.id = 1'000'000;
+      f(r);
+    });
+  }
+};
+
+/// As if one query had missed a record that is there.
+template <class Counters>
+struct Blind : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  Counts counters() const {
+    Counts counts = WaitFree<Counters>::counters();
+    --counts.hits;
+    return counts;
+  }
+};
+
+template <class Counters>
+struct Small : WaitFree<Counters> {
+  explicit Small(CacheConfig config) : WaitFree<Counters>(with_little_room(config)) {}
+  static CacheConfig with_little_room(CacheConfig config) {
+    config.capacity = 64;
+    return config;
+  }
+};
+
+TEST(BrokenCaches, AreFoundOut) {
+  const SyntheticPlan inserts = plan_of("insert_only:records=200");
+  const SyntheticPlan reads = plan_of("read_only:records=200:operations=300");
+  const SyntheticPlan misses = plan_of("miss_driven:cost=0:operations=1000:order=coherent");
+  Bench bench;
+  EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, inserts, 2).error, "");
+  EXPECT_EQ(bench(run_synthetic_trial<Losing>, inserts, 2).error, "200 records accepted but 199 stored");
+  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, inserts, 2).error, "torn record 0");
+  EXPECT_EQ(bench(run_synthetic_trial<Inventing>, inserts, 2).error, "invented record 1000000");
+  EXPECT_EQ(bench(run_synthetic_trial<Small>, inserts, 1).error, "136 inserts refused");
+  EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, reads, 2).error, "");
+  EXPECT_NE(bench(run_synthetic_trial<Blind>, reads, 2).error.find("where the oracle hits"),
+            std::string::npos);
+  EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, misses, 2).error, "");
+  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, misses, 1).error, "torn record 0");
+}
+
+TEST(Dispatch, FindsEveryCacheByName) {
+  for (const CacheEntry& cache : all_caches()) EXPECT_EQ(&find_cache(cache.traits.name), &cache);
+  EXPECT_THROW(find_cache("waitfree"), std::runtime_error);
+}
+
+}  // namespace
+}  // namespace icbench
