@@ -13,7 +13,7 @@ constexpr std::uint64_t kMostRoundOperations = 100'000;
 constexpr std::uint64_t kFewestRoundOperations = 2'000;
 
 // Rare delays leave the timing of the shipping code nearly alone; frequent ones stretch every traversal.
-constexpr std::uint32_t kDelayEvery[] = {0, 64, 0, 512};
+constexpr std::uint32_t kDelayEvery[] = {0, 64, 512, 24};
 
 }  // namespace
 
@@ -48,7 +48,7 @@ void Totals::add(const Judgement& j, const RoundPlan& plan) {
 Totals run_campaign(const Subject& subject, const CampaignOptions& options, const Advance& advance) {
   const auto shapes = all_shapes();
   // Every shape with either clock, delayed or not, if there are operations enough.
-  const std::uint64_t combinations = shapes.size() * std::size(kDelayEvery);
+  const std::uint64_t combinations = shapes.size() * std::size(kDelayEvery) * 2;
   const std::uint64_t round_operations =
       std::clamp(options.operations / combinations, kFewestRoundOperations, kMostRoundOperations);
   Totals totals;
@@ -61,8 +61,9 @@ Totals run_campaign(const Subject& subject, const CampaignOptions& options, cons
     plan.operations = static_cast<std::uint32_t>(
         std::min<std::uint64_t>(round_operations, options.operations - totals.judgement.operations));
     plan.seed = hash_keys(options.seed, i);
-    plan.clock = clock_of_round(options, turn + turn / 2);
     plan.delay_every = kDelayEvery[turn % std::size(kDelayEvery)];
+    // The two clocks change places after each full turn.
+    plan.clock = clock_of_round(options, turn + turn / static_cast<std::uint32_t>(std::size(kDelayEvery)));
     const RoundRecord round = plan.delay_every == 0 ? subject.run(plan) : subject.run_delayed(plan);
     const Judgement judgement = judge(round.history);
     totals.add(judgement, plan);

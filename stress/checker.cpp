@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <optional>
 
 #include "stress/linearize.h"
+#include "stress/overlap.h"
 #include "stress/witness.h"
 
 namespace icbench::stress {
@@ -48,7 +48,8 @@ class Judge {
       enter_inserts();
       note_first_shown();
       collect_required();
-      collect_overlaps();
+      overlaps_.collect(h_, *epoch_);
+      judgement_.concurrent_pairs += overlaps_.pairs().size();
       judge_queries();
       if (judgement_[Check::regular].violations != irregular) {
         accuse_unlinearizable_as_irregular();
@@ -130,41 +131,6 @@ class Judge {
     }
   }
 
-  /// Pairs (query, insert) that overlap, found when the later of the two is called.
-  void collect_overlaps() {
-    by_call_.clear();
-    for (std::uint32_t i = epoch_->first; i != epoch_->end; ++i) by_call_.push_back(i - epoch_->first);
-    std::sort(by_call_.begin(), by_call_.end(), [&](std::uint32_t a, std::uint32_t b) {
-      return operation(epoch_->first + a).call < operation(epoch_->first + b).call;
-    });
-    overlaps_.clear();
-    running_.clear();
-    for (const std::uint32_t local : by_call_) {
-      const std::uint32_t i = epoch_->first + local;
-      const Operation& now = operation(i);
-      for (std::size_t k = 0; k < running_.size();) {
-        const Operation& other = operation(running_[k]);
-        if (other.ret < now.call) {
-          running_[k] = running_.back();
-          running_.pop_back();
-          continue;
-        }
-        if (other.is_query() != now.is_query()) {
-          const auto [query, insert] = now.is_query() ? std::pair(i, running_[k]) : std::pair(running_[k], i);
-          if (!operation(insert).is_refused() &&
-              h_.validity->is_valid(operation(query).where, operation(insert).where)) {
-            overlaps_.emplace_back(query, insert);
-          }
-        }
-        ++k;
-      }
-      running_.push_back(i);
-    }
-    judgement_.concurrent_pairs += overlaps_.size();
-    // By query, so that judge_queries meets them in its own order.
-    std::sort(overlaps_.begin(), overlaps_.end());
-  }
-
   void judge_queries() {
     forced_.clear();
     next_overlap_ = 0;
@@ -227,8 +193,9 @@ class Judge {
     if (missed_settled > 0)
       accuse_missing(Check::per_record_linearizable, q, missed_settled, "missed", false, query.call);
     if (missed_own > 0) accuse_missing(Check::frame, q, missed_own, "missed", false, query.call);
-    for (; next_overlap_ < overlaps_.size() && overlaps_[next_overlap_].first == q; ++next_overlap_) {
-      const std::uint32_t r = overlaps_[next_overlap_].second;
+    const auto& pairs = overlaps_.pairs();
+    for (; next_overlap_ < pairs.size() && pairs[next_overlap_].query == q; ++next_overlap_) {
+      const std::uint32_t r = pairs[next_overlap_].insert;
       const bool was_seen = lives_[operation(r).first].mark == q;
       forced_.push_back(was_seen ? ForcedOrder{r - epoch_->first, q - epoch_->first}
                                  : ForcedOrder{q - epoch_->first, r - epoch_->first});
@@ -349,7 +316,7 @@ class Judge {
 
   void judge_linearizable() {
     const auto operations = std::span(h_.operations).subspan(epoch_->first, epoch_->end - epoch_->first);
-    std::vector<std::uint32_t> cycle = linearizer_.find_cycle(operations, by_call_, forced_);
+    std::vector<std::uint32_t> cycle = linearizer_.find_cycle(operations, overlaps_.by_call(), forced_);
     if (cycle.empty()) return;
     Finding& finding = judgement_[Check::linearizable];
     if (++finding.violations > 1) return;
@@ -425,9 +392,7 @@ class Judge {
   std::vector<std::uint64_t> own_;    ///< per place: records valid there that the current thread has inserted
   std::vector<std::vector<Stamp>> returned_, settled_;
   std::vector<std::pair<Stamp, std::uint32_t>> by_stamp_;
-  std::vector<std::uint32_t> by_call_;
-  std::vector<std::uint32_t> running_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> overlaps_;
+  Overlaps overlaps_;
   std::size_t next_overlap_ = 0;
   std::vector<ForcedOrder> forced_;
   Linearizer linearizer_;

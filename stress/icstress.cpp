@@ -1,9 +1,13 @@
 // The `icstress` program: runs caches under stress, judges what was seen, and proves by controls that the
 // stress was strong enough to see anything.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -155,6 +159,14 @@ void write_json(const std::string& path, const ordered_json& content) {
   }
 }
 
+/// Fails before the work, not after it, if the file cannot be written.
+void require_writable(const std::string& path) {
+  if (is_written_in_place(path)) return;
+  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  if (std::filesystem::is_directory(path)) throw_output_error(path, EISDIR);
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) throw_output_error(path, errno);
+}
+
 int fail(std::string_view line) {
   fmt::print(stderr, "icstress: {}\n", line);
   return 2;
@@ -177,7 +189,7 @@ int run_program(int argc, char** argv) {
   app.add_option("--check", options.checks,
                  "all, or of integrity,regular,per_record_linearizable,linearizable,frame")
       ->capture_default_str();
-  app.add_option("--threads", options.campaign.threads, "threads, 2 to 8192")
+  app.add_option("--threads", options.campaign.threads, "threads, 2 to 8192 (with one, nothing overlaps)")
       ->capture_default_str()
       ->check(CLI::Range(2u, 8192u));
   app.add_option("--operations", options.campaign.operations, "operations per cache, at least")
@@ -189,6 +201,7 @@ int run_program(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
+    if (!options.json.empty()) require_writable(options.json);
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
     if (!options.campaign.use_tsc)

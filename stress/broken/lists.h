@@ -1,8 +1,6 @@
 // Broken caches on linear lists, where each fault is a few lines. Each must be seen failing.
 #pragma once
 
-#include <array>
-#include <bit>
 #include <memory>
 
 #include "caches/direct.h"
@@ -201,8 +199,8 @@ class CounterAppendList : public SlotPool {
   SharedWord size_{0};
 };
 
-/// A record is copied into two lists, one after the other, and a query reads one of them: a copy is seen
-/// while the other is not there yet. That is regular, but no more.
+/// A record is copied into two lists, one after the other, and queries take turns in which one they read: a
+/// copy is seen while the other is not there yet. That is regular, but no more.
 class ReplicatedList : public SlotPool {
  public:
   static constexpr CacheTraits kTraits =
@@ -217,7 +215,8 @@ class ReplicatedList : public SlotPool {
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    if ((std::bit_cast<std::uint32_t>(x.p.x) & 1) != 0) return second_.visit(x, a, counters, f);
+    // Relaxed: any distribution of queries over the lists will do.
+    if ((turn_.fetch_add(1, std::memory_order_relaxed) & 1) != 0) return second_.visit(x, a, counters, f);
     const std::uint32_t end = taken();
     for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
   }
@@ -258,6 +257,7 @@ class ReplicatedList : public SlotPool {
   };
 
   Copy second_;
+  SharedWord turn_{0};
 };
 
 /// A structure for one thread, as locks wrap them.
