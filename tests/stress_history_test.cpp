@@ -128,7 +128,7 @@ TEST(StressHistory, TheSealTellsEveryFieldAndTheUpdate) {
 
 /// If a store returned before a load was called, by the clock, the load sees it.
 void expect_sound(ClockSource source) {
-  constexpr std::uint32_t kStores = 200'000;
+  constexpr std::uint32_t kStores = 500'000;
   StressClock clock(source);
   std::atomic<std::uint32_t> word{0};
   std::vector<Stamp> returned(kStores + 1);
@@ -137,7 +137,7 @@ void expect_sound(ClockSource source) {
     std::uint32_t value;
   };
   std::vector<Load> loads;
-  loads.reserve(16 * kStores);
+  loads.reserve(4 * kStores);
   {
     std::jthread writer([&] {
       for (std::uint32_t i = 1; i <= kStores; ++i) {
