@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
@@ -161,10 +162,16 @@ void write_json(const std::string& path, const ordered_json& content) {
 
 /// Fails before the work, not after it, if the file cannot be written.
 void require_writable(const std::string& path) {
+  const auto refuse = [&](int code) {
+    throw std::runtime_error(
+        fmt::format("cannot write --json '{}': {}; name a file in a folder that can be written", path,
+                    std::strerror(code)));
+  };
+  if (path.empty()) refuse(ENOENT);
+  if (std::filesystem::is_directory(path)) refuse(EISDIR);
   if (is_written_in_place(path)) return;
   const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  if (std::filesystem::is_directory(path)) throw_output_error(path, EISDIR);
-  if (::access(folder.c_str(), W_OK | X_OK) != 0) throw_output_error(path, errno);
+  if (::access(folder.c_str(), W_OK | X_OK) != 0) refuse(errno);
 }
 
 int fail(std::string_view line) {
@@ -174,6 +181,8 @@ int fail(std::string_view line) {
 
 /// One line for the first argument that nobody knows.
 std::string unexpected(const CLI::App& app, const std::string& argument) {
+  if (!argument.starts_with('-'))
+    return fmt::format("unexpected argument '{}'; see icstress --help", argument);
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
     for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
@@ -195,13 +204,15 @@ int run_program(int argc, char** argv) {
   app.add_option("--operations", options.campaign.operations, "operations per cache, at least")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000'000}));
-  app.add_option("--seed", options.campaign.seed, "seed of everything random")->capture_default_str();
-  app.add_option("--json", options.json, "file for the verdicts");
+  app.add_option("--seed", options.campaign.seed, "seed of everything random")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  const CLI::Option* json = app.add_option("--json", options.json, "file for the verdicts");
   app.allow_extras();
   try {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
-    if (!options.json.empty()) require_writable(options.json);
+    if (json->count() > 0) require_writable(options.json);
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
     if (!options.campaign.use_tsc)
@@ -209,7 +220,7 @@ int run_program(int argc, char** argv) {
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     Run run(options);
     const bool passed = run.run();
-    if (!options.json.empty()) write_json(options.json, run.to_json());
+    if (json->count() > 0) write_json(options.json, run.to_json());
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail("cannot write to standard output");
     return passed ? 0 : 1;
   } catch (const CLI::Success& e) {
