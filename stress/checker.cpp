@@ -125,7 +125,6 @@ class Judge {
   void distribute(std::vector<std::vector<Stamp>>& per_place) {
     std::sort(by_stamp_.begin(), by_stamp_.end());
     for (const auto& [stamp, i] : by_stamp_) {
-      if (stamp == kPending) continue;
       for (const std::uint32_t place : h_.validity->places_of(operation(i).where))
         per_place[place].push_back(stamp);
     }

@@ -1,5 +1,7 @@
 #include "stress/controls.h"
 
+#include <algorithm>
+
 #include "caches/registry.h"
 #include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
@@ -10,6 +12,8 @@ namespace {
 
 constexpr std::uint32_t kMostRounds = 48;
 constexpr std::uint32_t kShareRounds = 12;
+constexpr std::uint32_t kOptionalRounds = 8;
+constexpr std::uint32_t kMostThreads = 256;  // more show nothing new and take minutes
 constexpr std::uint32_t kRoundOperations = 4'000;
 constexpr std::uint32_t kDelayEvery = 24;
 
@@ -51,12 +55,14 @@ std::span<const Control> all_controls() { return kControls; }
 ControlOutcome run_control(const Control& control, const CampaignOptions& options) {
   ControlOutcome outcome;
   const auto check = static_cast<std::size_t>(control.check);
-  const std::uint32_t rounds = control.share > 0.0 ? kShareRounds : kMostRounds;
+  const std::uint32_t rounds = control.share > 0.0         ? kShareRounds
+                               : control.needs_weak_memory ? kOptionalRounds
+                                                           : kMostRounds;
   for (std::uint32_t i = 0; i < rounds; ++i) {
     RoundPlan plan;
     // The first two shapes: few places, where most pairs overlap, and young trees, where installs race.
     plan.shape = &all_shapes()[control.share > 0.0 ? 0 : i % 2];
-    plan.threads = options.threads;
+    plan.threads = std::min(options.threads, kMostThreads);
     plan.operations = kRoundOperations;
     plan.seed = hash_keys(options.seed, i, 1);
     plan.clock = clock_of_round(options, i / 2);
