@@ -1,0 +1,341 @@
+// Broken caches on linear lists, where each fault is a few lines. Each must be seen failing.
+#pragma once
+
+#include <memory>
+
+#include "caches/direct.h"
+#include "caches/locked.h"
+#include "stress/delay_sync.h"
+
+namespace icbench::stress {
+
+using SharedWord = DelaySync::Atomic<std::uint32_t>;
+
+/// What all of them have: a pool of slots, from 1, that are handed out by fetch_add, and a scan over slots.
+class SlotPool {
+ public:
+  struct Workspace {};
+  struct Slot {
+    Record record{};
+    SharedWord ready{0};
+    SharedWord next{0};
+  };
+
+  explicit SlotPool(const CacheConfig& config)
+      : slots_(std::make_unique<Slot[]>(config.capacity + 1)), capacity_(config.capacity) {}
+
+  static std::size_t bytes(const Workspace&) noexcept { return 0; }
+  void prefault(Workspace&, std::uint32_t) noexcept {}
+  std::uint32_t room() const noexcept { return capacity_ - taken(); }
+
+ protected:
+  // The cache's tickets never give out more than its capacity. Relaxed: other words publish.
+  std::uint32_t take() noexcept { return taken_.fetch_add(1, std::memory_order_relaxed) + 1; }
+  std::uint32_t taken() const noexcept { return taken_.load(std::memory_order_relaxed); }
+  Slot& slot(std::uint32_t i) const noexcept { return slots_[i]; }
+
+  template <class F>
+  static void test(const Slot& s, const SurfacePoint& x, float a, F& f) noexcept {
+    if (s.ready.load(std::memory_order_acquire) == 0) return;
+    const float weight = split_sphere_weight(x, s.record, a);
+    if (weight > 0.0f) f(static_cast<const Record&>(s.record), weight);
+  }
+
+  static void publish(Slot& s, const Record& r) noexcept {
+    s.record = r;
+    s.ready.store(1, std::memory_order_release);
+  }
+
+  /// Quiescent: all slots that are ready; f may drop records.
+  template <class F>
+  void update_slots(F&& f) {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      if (slot(i).ready.load(std::memory_order_relaxed) != 0 && f(slot(i).record) == UpdateResult::drop)
+        slot(i).ready.store(0, std::memory_order_relaxed);
+    }
+  }
+  template <class F>
+  void for_each_slot(F&& f) const {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      if (slot(i).ready.load(std::memory_order_relaxed) != 0) f(static_cast<const Record&>(slot(i).record));
+    }
+  }
+  void clear_slots() {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      slot(i).record = {};
+      slot(i).ready.store(0, std::memory_order_relaxed);
+      slot(i).next.store(0, std::memory_order_relaxed);
+    }
+    taken_.store(0, std::memory_order_relaxed);
+  }
+
+ private:
+  std::unique_ptr<Slot[]> slots_;
+  std::uint32_t capacity_;
+  SharedWord taken_{0};
+};
+
+constexpr CacheTraits broken_traits(std::string_view name, Consistency consistency) {
+  return {name,
+          "list",
+          "broken",
+          ProgressGuarantee::wait_free,
+          ProgressGuarantee::wait_free,
+          consistency,
+          false,
+          "must be seen failing"};
+}
+
+/// A record is put at the head by exchange and linked to the rest afterwards: between the two, a query that
+/// starts at the head misses everything older.
+class ExchangeThenLinkList : public SlotPool {
+ public:
+  static constexpr CacheTraits kTraits =
+      broken_traits("exchange_then_link", Consistency::per_record_linearizable);
+  using SlotPool::SlotPool;
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    const std::uint32_t i = take();
+    publish(slot(i), r);
+    slot(i).next.store(head_.exchange(i, std::memory_order_acq_rel), std::memory_order_release);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    std::uint32_t i = head_.load(std::memory_order_acquire);
+    for (; i != 0; i = slot(i).next.load(std::memory_order_acquire)) test(slot(i), x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    update_slots(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for_each_slot(f);
+  }
+  void clear() {
+    clear_slots();
+    head_.store(0, std::memory_order_relaxed);
+  }
+
+ private:
+  SharedWord head_{0};
+};
+
+/// A slot is marked ready and filled afterwards.
+class PublishBeforeFillList : public SlotPool {
+ public:
+  static constexpr CacheTraits kTraits =
+      broken_traits("publish_before_fill", Consistency::per_record_linearizable);
+  using SlotPool::SlotPool;
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    Slot& s = slot(take());
+    s.record.p = r.p;
+    s.record.n = r.n;
+    s.record.R = r.R;
+    s.ready.store(1, std::memory_order_release);
+    Delays::step();
+    s.record.E = r.E;
+    s.record.id = r.id;
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    const std::uint32_t end = taken();
+    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    update_slots(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for_each_slot(f);
+  }
+  void clear() { clear_slots(); }
+};
+
+/// Two counters: a slot is reserved by adding to `index`, filled, and reported by adding to `count`; readers
+/// trust `size`, which is set to `index` whenever the counters meet. One writer that stalls hides everybody's
+/// records, and a late writer of `size` takes back what an earlier one had shown.
+class CounterAppendList : public SlotPool {
+ public:
+  static constexpr CacheTraits kTraits =
+      broken_traits("counter_append", Consistency::per_record_linearizable);
+  using SlotPool::SlotPool;
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    publish(slot(take()), r);
+    const std::uint32_t count = count_.fetch_add(1, std::memory_order_acq_rel) + 1;
+    const std::uint32_t index = taken();
+    if (count == index) size_.store(index, std::memory_order_release);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    const std::uint32_t end = size_.load(std::memory_order_acquire);
+    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    update_slots(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for_each_slot(f);
+  }
+  void clear() {
+    clear_slots();
+    count_.store(0, std::memory_order_relaxed);
+    size_.store(0, std::memory_order_relaxed);
+  }
+
+ private:
+  SharedWord count_{0};
+  SharedWord size_{0};
+};
+
+/// A record is copied into two lists, one after the other, and queries take turns in which one they read: a
+/// copy is seen while the other is not there yet. That is regular, but no more.
+class ReplicatedList : public SlotPool {
+ public:
+  static constexpr CacheTraits kTraits =
+      broken_traits("replicated_without_commit", Consistency::per_record_linearizable);
+
+  explicit ReplicatedList(const CacheConfig& config) : SlotPool(config), second_(config) {}
+
+  template <class Counters>
+  bool insert(Workspace& workspace, const Record& r, Counters& counters) noexcept {
+    publish(slot(take()), r);
+    return second_.insert(workspace, r, counters);
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
+    // Relaxed: any distribution of queries over the lists will do.
+    if ((turn_.fetch_add(1, std::memory_order_relaxed) & 1) != 0) return second_.visit(x, a, counters, f);
+    const std::uint32_t end = taken();
+    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    update_slots(f);
+    second_.update(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for_each_slot(f);
+  }
+  void clear() {
+    clear_slots();
+    second_.clear();
+  }
+
+ private:
+  /// The second copy; also a list that is right.
+  class Copy : public SlotPool {
+   public:
+    using SlotPool::SlotPool;
+    template <class Counters>
+    bool insert(Workspace&, const Record& r, Counters&) noexcept {
+      publish(slot(take()), r);
+      return true;
+    }
+    template <class Counters, class F>
+    void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+      const std::uint32_t end = taken();
+      for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+    }
+    template <class F>
+    void update(F&& f) {
+      update_slots(f);
+    }
+    void clear() { clear_slots(); }
+  };
+
+  Copy second_;
+  SharedWord turn_{0};
+};
+
+/// A structure for one thread, as locks wrap them.
+class UnsharedList {
+ public:
+  static constexpr std::string_view kPrefix = "", kStructure = "list";
+  static constexpr CacheTraits kTraits{"unshared_list",
+                                       kStructure,
+                                       "none",
+                                       ProgressGuarantee::wait_free,
+                                       ProgressGuarantee::wait_free,
+                                       Consistency::linearizable,
+                                       true,
+                                       "part of a broken cache"};
+  struct Workspace {};
+
+  explicit UnsharedList(const CacheConfig& config)
+      : records_(std::make_unique<Record[]>(config.capacity)), capacity_(config.capacity) {}
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    const std::uint32_t i = count_.load(std::memory_order_relaxed);  // relaxed, as below: ordinary memory
+    if (i >= capacity_) return false;
+    records_[i] = r;
+    count_.store(i + 1, std::memory_order_relaxed);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    const std::uint32_t end = count_.load(std::memory_order_relaxed);
+    for (std::uint32_t i = 0; i < end; ++i) {
+      const float weight = split_sphere_weight(x, records_[i], a);
+      if (weight > 0.0f) f(static_cast<const Record&>(records_[i]), weight);
+    }
+  }
+  template <class F>
+  void update(F&& f) {
+    std::uint32_t kept = 0;
+    for (std::uint32_t i = 0; i < count_.load(std::memory_order_relaxed); ++i) {
+      if (f(records_[i]) == UpdateResult::keep) records_[kept++] = records_[i];
+    }
+    count_.store(kept, std::memory_order_relaxed);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for (std::uint32_t i = 0; i < count_.load(std::memory_order_relaxed); ++i)
+      f(static_cast<const Record&>(records_[i]));
+  }
+  void clear() { count_.store(0, std::memory_order_relaxed); }
+  std::uint32_t room() const noexcept { return capacity_ - count_.load(std::memory_order_relaxed); }
+  void prefault(Workspace&, std::uint32_t) noexcept {}
+  static std::size_t bytes(const Workspace&) noexcept { return 0; }
+
+ private:
+  std::unique_ptr<Record[]> records_;
+  std::uint32_t capacity_;
+  DelayPlainSync::Atomic<std::uint32_t> count_{0};
+};
+
+/// Takes the lock and lets go of it before anything is done under it.
+struct EarlyRelease {
+  static constexpr std::string_view kName = "lock_released_early", kSource = "must be seen failing";
+  using Mutex = SpinLock<StdSync>;
+  struct Scope {
+    template <class Counters>
+    Scope(Mutex& mutex, Counters&) noexcept {
+      mutex.lock();
+      mutex.unlock();
+    }
+  };
+  using Read = Scope;
+  using Write = Scope;
+};
+
+using ExchangeThenLink = Direct<ExchangeThenLinkList>;
+using PublishBeforeFill = Direct<PublishBeforeFillList>;
+using CounterAppend = Direct<CounterAppendList>;
+using ReplicatedWithoutCommit = Direct<ReplicatedList>;
+using LockReleasedEarly = Locked<UnsharedList, EarlyRelease>;
+
+}  // namespace icbench::stress

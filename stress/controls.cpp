@@ -1,0 +1,78 @@
+#include "stress/controls.h"
+
+#include <algorithm>
+
+#include "caches/registry.h"
+#include "stress/broken/lists.h"
+#include "stress/broken/trees.h"
+
+namespace icbench::stress {
+
+namespace {
+
+constexpr std::uint32_t kMostRounds = 48;
+constexpr std::uint32_t kShareRounds = 12;
+constexpr std::uint32_t kOptionalRounds = 8;
+constexpr std::uint32_t kMostThreads = 256;  // more show nothing new and take minutes
+constexpr std::uint32_t kRoundOperations = 4'000;
+constexpr std::uint32_t kDelayEvery = 24;
+
+#if defined(__x86_64__)
+constexpr bool kStoresStayInOrder = true;
+#else
+constexpr bool kStoresStayInOrder = false;
+#endif
+
+constexpr Control kControls[] = {
+    {"wait_free", "declared linearizable, which it is not: a query reads several lists, one after the other",
+     Check::linearizable, 0.25, false, &run_round<Delayed<WaitFree<>>>},
+    {"relaxed_publication", "records and nodes are published by relaxed stores", Check::integrity, 0.0,
+     kStoresStayInOrder, &run_round<RelaxedPublication>},
+    {"plain_store_install", "children are installed by test and store instead of CAS", Check::integrity, 0.0,
+     false, &run_round<PlainStoreInstall>},
+    {"child_installed_twice", "the loser of an installing CAS goes on in its own node", Check::integrity, 0.0,
+     false, &run_round<ChildInstalledTwice>},
+    {"exchange_then_link", "the head of a list is exchanged first and linked to the rest afterwards",
+     Check::regular, 0.0, false, &run_round<ExchangeThenLink>},
+    {"publish_before_fill", "a slot is marked ready before it is filled", Check::integrity, 0.0, false,
+     &run_round<PublishBeforeFill>},
+    {"counter_append", "readers trust a size that is set when two counters meet", Check::regular, 0.0, false,
+     &run_round<CounterAppend>},
+    {"merge_drops_last", "the merge at the end of a frame forgets each session's last record",
+     Check::integrity, 0.0, false, &run_round<MergeDropsLast>},
+    {"clear_leaves_one", "one record survives clear", Check::integrity, 0.0, false,
+     &run_round<ClearLeavesOne>},
+    {"replicated_without_commit", "copies of a record appear one after the other",
+     Check::per_record_linearizable, 0.0, false, &run_round<ReplicatedWithoutCommit>},
+    {"lock_released_early", "the lock is released before the work is done", Check::integrity, 0.0, false,
+     &run_round<LockReleasedEarly>},
+};
+
+}  // namespace
+
+std::span<const Control> all_controls() { return kControls; }
+
+ControlOutcome run_control(const Control& control, const CampaignOptions& options) {
+  ControlOutcome outcome;
+  const auto check = static_cast<std::size_t>(control.check);
+  const std::uint32_t rounds = control.share > 0.0         ? kShareRounds
+                               : control.needs_weak_memory ? kOptionalRounds
+                                                           : kMostRounds;
+  for (std::uint32_t i = 0; i < rounds; ++i) {
+    RoundPlan plan;
+    // The first two shapes: few places, where most pairs overlap, and young trees, where installs race.
+    plan.shape = &all_shapes()[control.share > 0.0 ? 0 : i % 2];
+    plan.threads = std::min(options.threads, kMostThreads);
+    plan.operations = kRoundOperations;
+    plan.seed = hash_keys(options.seed, i, 1);
+    plan.clock = clock_of_round(options, i / 2);
+    plan.delay_every = kDelayEvery;
+    outcome.totals.add(judge(control.run(plan).history), plan);
+    const std::uint32_t violated = outcome.totals.rounds_violated[check];
+    outcome.seen = violated > 0 && violated >= control.share * rounds;
+    if (outcome.seen && control.share == 0.0) break;
+  }
+  return outcome;
+}
+
+}  // namespace icbench::stress

@@ -1,0 +1,117 @@
+// Random delays at the atomic steps of the shipping code.
+//
+// DelaySync and DelayPlainSync are Sync policies (core/sync.h) that do what StdSync and PlainSync do, but a
+// thread now and then spins or gives up the processor before a step. That widens the windows in which another
+// thread can interfere, above all where threads outnumber cores; it can produce no interleaving that the
+// plain policy could not. No sleeps: a delay is at most some microseconds, or a yield.
+//
+// Delayed<Cache> is the same cache with both policies replaced wherever they are type arguments of a template
+// whose parameters are all types.
+#pragma once
+
+#include <atomic>
+#include <thread>
+
+#include "caches/locks.h"
+#include "core/random.h"
+#include "core/sync.h"
+
+namespace icbench::stress {
+
+/// One thread's dice. Delays are off until `start`.
+class Delays {
+ public:
+  /// One step in about `every` is delayed; 0 switches delays off.
+  static void start(std::uint64_t seed, std::uint32_t every) noexcept {
+    random_ = Pcg32(seed);
+    threshold_ = every == 0 ? 0 : UINT32_MAX / every;
+  }
+
+  static void step() noexcept {
+    if (threshold_ == 0 || random_() >= threshold_) return;
+    const std::uint32_t choice = random_();
+    if (choice % kYieldOneIn == 0) {
+      std::this_thread::yield();
+    } else {
+      for (std::uint32_t i = choice >> 24; i > 0; --i) spin_pause();
+    }
+  }
+
+ private:
+  static constexpr std::uint32_t kYieldOneIn = 8;
+
+  static constinit inline thread_local Pcg32 random_{0};
+  static constinit inline thread_local std::uint32_t threshold_ = 0;
+};
+
+/// `Base`'s interface, a delay before each step.
+template <class T, template <class> class Base>
+class DelayAtomic {
+ public:
+  DelayAtomic() noexcept = default;
+  explicit(false) DelayAtomic(T value) noexcept : base_(value) {}
+
+  T load(std::memory_order order) const noexcept {
+    Delays::step();
+    return base_.load(order);
+  }
+  void store(T value, std::memory_order order) noexcept {
+    Delays::step();
+    base_.store(value, order);
+  }
+  T fetch_add(T n, std::memory_order order) noexcept {
+    Delays::step();
+    return base_.fetch_add(n, order);
+  }
+  T exchange(T value, std::memory_order order) noexcept {
+    Delays::step();
+    return base_.exchange(value, order);
+  }
+  bool compare_exchange_strong(T& expected, T desired, std::memory_order success,
+                               std::memory_order failure) noexcept {
+    Delays::step();
+    return base_.compare_exchange_strong(expected, desired, success, failure);
+  }
+
+ private:
+  Base<T> base_{};
+};
+
+template <class T>
+using StdAtomic = std::atomic<T>;
+
+struct DelaySync {
+  template <class T>
+  using Atomic = DelayAtomic<T, StdAtomic>;
+  static constexpr bool kConcurrent = true;
+};
+
+struct DelayPlainSync {
+  template <class T>
+  using Atomic = DelayAtomic<T, PlainAtomic>;
+  static constexpr bool kConcurrent = false;
+};
+
+static_assert(sizeof(DelaySync::Atomic<std::uint32_t>) == 4, "delays must not change a structure's layout");
+
+template <class T>
+struct WithDelays {
+  using type = T;
+};
+template <>
+struct WithDelays<StdSync> {
+  using type = DelaySync;
+};
+template <>
+struct WithDelays<PlainSync> {
+  using type = DelayPlainSync;
+};
+template <template <class...> class Template, class... Args>
+struct WithDelays<Template<Args...>> {
+  using type = Template<typename WithDelays<Args>::type...>;
+};
+
+template <class Cache>
+using Delayed = typename WithDelays<Cache>::type;
+
+}  // namespace icbench::stress

@@ -1,0 +1,287 @@
+// One round of stress on a cache: threads run random operations on it, epoch after epoch, and what happened
+// is recorded as a history.
+//
+// Records carry a unique id and, as irradiance, the number of the last update and two hashes of everything
+// else in them, so that a torn or stale record shows itself. Queries go through `visit`, the traversal that
+// every query takes. Recording costs two stamps an operation and writes to buffers of the thread's own, which
+// are there before the epoch begins.
+#pragma once
+
+#include <barrier>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "core/cache.h"
+#include "core/random.h"
+#include "stress/clock.h"
+#include "stress/delay_sync.h"
+#include "stress/history.h"
+
+namespace icbench::stress {
+
+/// What a round is like; lengths in operations are sums over all threads.
+struct Shape {
+  std::string_view name;
+  std::uint32_t places;
+  std::span<const float> radii;  ///< metres, in the unit cube
+  std::uint32_t epoch_operations;
+  std::uint32_t insert_percent;
+  std::uint32_t clear_every;       ///< epochs from clear to clear, >= 1
+  std::uint32_t capacity_percent;  ///< of the inserts expected between clears
+};
+
+/// All shapes: few places and records of many sizes (many concurrent pairs, several lists to a query), a tree
+/// that is young again and again (races to install), many places (a large tree), and a pool too small.
+std::span<const Shape> all_shapes();
+
+struct RoundPlan {
+  const Shape* shape = nullptr;
+  std::uint32_t threads = 1;
+  std::uint32_t operations = 0;  ///< in all; rounded to whole epochs
+  std::uint64_t seed = 0;
+  ClockSource clock = ClockSource::counter;
+  std::uint32_t delay_every = 0;  ///< one atomic step in so many is delayed; 0 for none
+};
+
+/// Where queries ask and which records are valid there, by the predicate that caches and oracle share.
+class Landscape {
+ public:
+  Landscape(const Shape& shape, std::uint64_t seed, float a);
+
+  const SurfacePoint& place(std::uint32_t i) const noexcept { return places_[i]; }
+  const ValidityTable& validity() const noexcept { return validity_; }
+  /// Record `id` of a kind, as it is after `update` updates.
+  Record record(std::uint32_t kind, std::uint32_t id, std::uint32_t update) const noexcept;
+
+ private:
+  std::vector<SurfacePoint> places_;
+  std::vector<float> radii_;
+  ValidityTable validity_;
+};
+
+/// The irradiance that vouches for the rest of the record after `update` updates.
+Irradiance seal(const Record& r, std::uint32_t update) noexcept;
+
+/// `r.id`, with kTorn if the record is not as it was written last.
+inline std::uint32_t shown_id(const Record& r, std::uint32_t update) noexcept {
+  return r.id >= kTorn || r.E != seal(r, update) ? r.id | kTorn : r.id;
+}
+
+/// Whether update number `update` drops record `id`.
+inline bool is_dropped(std::uint32_t id, std::uint32_t update) noexcept {
+  return hash_keys(id, update) % 4 == 0;
+}
+
+/// One thread's record of one epoch.
+class ThreadLog {
+ public:
+  /// Room for `operations` whose queries see at most `most_seen` records each, if that can be had; `has_room`
+  /// tells a thread when to stop early.
+  void reserve(std::uint32_t operations, std::uint32_t most_seen) {
+    constexpr std::uint64_t kUsuallySeen = 128;
+    const std::uint64_t usual = operations * std::min<std::uint64_t>(kUsuallySeen, most_seen);
+    most_seen_ = most_seen;
+    operations_.resize(operations);
+    seen_.resize(usual + most_seen);
+    restart();
+  }
+  void restart() noexcept { operations_used_ = seen_used_ = seen_first_ = 0; }
+
+  bool has_room() const noexcept {
+    return operations_used_ < operations_.size() && seen_.size() - seen_used_ >= most_seen_;
+  }
+  /// A cache that shows more than there can be is faulty already by what is kept.
+  void see(std::uint32_t id) noexcept {
+    if (seen_used_ < seen_.size()) seen_[seen_used_++] = id;
+  }
+  void add_query(Stamp call, Stamp ret, std::uint32_t thread, std::uint32_t place) noexcept {
+    operations_[operations_used_++] = {call,
+                                       ret,
+                                       thread,
+                                       place,
+                                       seen_first_,
+                                       seen_used_ - seen_first_,
+                                       Operation::Type::query,
+                                       InsertResult::inserted};
+    seen_first_ = seen_used_;
+  }
+  void add_insert(Stamp call, Stamp ret, std::uint32_t thread, std::uint32_t kind, std::uint32_t id,
+                  InsertResult result) noexcept {
+    operations_[operations_used_++] = {call, ret, thread, kind, id, 0, Operation::Type::insert, result};
+  }
+
+  void append_to(History& history) const;
+
+ private:
+  std::vector<Operation> operations_;
+  std::vector<std::uint32_t> seen_;
+  std::uint32_t operations_used_ = 0;
+  std::uint32_t seen_used_ = 0;
+  std::uint32_t seen_first_ = 0;
+  std::uint32_t most_seen_ = 0;
+};
+
+/// A history and what its table of validity belongs to.
+struct RoundRecord {
+  std::unique_ptr<Landscape> landscape;
+  History history;
+};
+
+/// The sizes that follow from a plan.
+struct RoundSizes {
+  explicit RoundSizes(const RoundPlan& plan);
+
+  std::uint32_t epochs;
+  std::uint32_t thread_operations;  ///< per epoch
+  std::uint32_t capacity;
+  std::uint32_t most_seen;  ///< records that can be there at once
+};
+
+/// Runs a round on `Cache`. Quiescent points are barriers: end_frame, contents, a query at every place, now
+/// and then update_records and clear.
+template <class Cache>
+class Round {
+  using Session = typename Cache::Session;
+
+ public:
+  explicit Round(const RoundPlan& plan)
+      : plan_(plan),
+        sizes_(plan),
+        landscape_(std::make_unique<Landscape>(*plan.shape, plan.seed, CacheConfig{}.a)),
+        cache_({.capacity = sizes_.capacity, .max_sessions = plan.threads}),
+        clock_(plan.clock),
+        logs_(plan.threads),
+        barrier_(static_cast<std::ptrdiff_t>(plan.threads) + 1) {
+    for (ThreadLog& log : logs_) log.reserve(sizes_.thread_operations, sizes_.most_seen);
+    quiescent_log_.reserve(plan.shape->places, sizes_.most_seen);
+    for (std::uint32_t t = 0; t < plan.threads; ++t) sessions_.push_back(cache_.open_session(t));
+  }
+
+  RoundRecord run() {
+    history_.validity = &landscape_->validity();
+    history_.ids = sizes_.epochs * plan_.threads * sizes_.thread_operations;
+    {
+      std::vector<std::jthread> threads;
+      for (std::uint32_t t = 0; t < plan_.threads; ++t) threads.emplace_back([this, t] { work(t); });
+      for (std::uint32_t e = 0; e < sizes_.epochs; ++e) {
+        cache_.begin_frame();
+        barrier_.arrive_and_wait();  // the epoch begins
+        barrier_.arrive_and_wait();  // and ends
+        cache_.end_frame();
+        finish_epoch(e);
+      }
+    }
+    return {std::move(landscape_), std::move(history_)};
+  }
+
+ private:
+  void work(std::uint32_t t) {
+    Delays::start(hash_keys(plan_.seed, t, 1), plan_.delay_every);
+    Pcg32 random(hash_keys(plan_.seed, t, 2));
+    Session session = sessions_[t];
+    for (std::uint32_t e = 0; e < sizes_.epochs; ++e) {
+      barrier_.arrive_and_wait();
+      const std::uint32_t first_id = (e * plan_.threads + t) * sizes_.thread_operations;
+      for (std::uint32_t i = 0; i < sizes_.thread_operations && logs_[t].has_room(); ++i) {
+        if (random.below(100) < plan_.shape->insert_percent) {
+          insert(session, t, random.below(landscape_->validity().kinds()), first_id + i);
+        } else {
+          query(session, logs_[t], t, random.below(landscape_->validity().places()));
+        }
+        Delays::step();
+      }
+      barrier_.arrive_and_wait();
+    }
+  }
+
+  void insert(Session& session, std::uint32_t t, std::uint32_t kind, std::uint32_t id) noexcept {
+    const Record r = landscape_->record(kind, id, update_);
+    const Stamp call = clock_.before();
+    const InsertResult result = session.insert(r);
+    const Stamp ret = clock_.after();
+    logs_[t].add_insert(call, ret, t, kind, id, result);
+  }
+
+  void query(Session& session, ThreadLog& log, std::uint32_t t, std::uint32_t place) noexcept {
+    const SurfacePoint& x = landscape_->place(place);
+    const std::uint32_t update = update_;
+    const Stamp call = clock_.before();
+    session.visit(x, [&](const Record& r, float) noexcept { log.see(shown_id(r, update)); });
+    const Stamp ret = clock_.after();
+    log.add_query(call, ret, t, place);
+  }
+
+  /// Notes what the threads did and what the cache holds now; then the queries at rest, an epoch of their
+  /// own.
+  void finish_epoch(std::uint32_t e) {
+    Epoch epoch;
+    epoch.first = static_cast<std::uint32_t>(history_.operations.size());
+    for (ThreadLog& log : logs_) {
+      log.append_to(history_);
+      log.restart();
+    }
+    epoch.end = static_cast<std::uint32_t>(history_.operations.size());
+    epoch.has_contents = true;
+    cache_.for_each_record([&](const Record& r) { epoch.contents.push_back(shown_id(r, update_)); });
+    for (std::uint32_t i = epoch.first; i != epoch.end; ++i) {
+      const Operation& o = history_.operations[i];
+      if (!o.is_query() && !o.is_refused()) alive_.push_back(o.first);
+    }
+    history_.epochs.push_back(std::move(epoch));
+
+    Epoch rest;
+    rest.first = static_cast<std::uint32_t>(history_.operations.size());
+    quiescent_log_.restart();
+    for (std::uint32_t place = 0; place < plan_.shape->places && quiescent_log_.has_room(); ++place)
+      query(sessions_[0], quiescent_log_, plan_.threads, place);
+    quiescent_log_.append_to(history_);
+    rest.end = static_cast<std::uint32_t>(history_.operations.size());
+    if ((e + 1) % plan_.shape->clear_every == 0) {
+      cache_.clear();
+      rest.clears = true;
+      alive_.clear();
+    } else if (e % 2 == 0) {
+      rest.dropped = update();
+    }
+    history_.epochs.push_back(std::move(rest));
+  }
+
+  std::vector<std::uint32_t> update() {
+    ++update_;
+    cache_.update_records([this](Record& r) noexcept {
+      // A record that was faulty before must stay so.
+      if (shown_id(r, update_ - 1) == r.id) r.E = seal(r, update_);
+      return is_dropped(r.id, update_) ? UpdateResult::drop : UpdateResult::keep;
+    });
+    std::vector<std::uint32_t> dropped;
+    std::erase_if(alive_, [&](std::uint32_t id) {
+      if (!is_dropped(id, update_)) return false;
+      dropped.push_back(id);
+      return true;
+    });
+    return dropped;
+  }
+
+  RoundPlan plan_;
+  RoundSizes sizes_;
+  std::unique_ptr<Landscape> landscape_;
+  Cache cache_;
+  StressClock clock_;
+  std::vector<Session> sessions_;
+  std::vector<ThreadLog> logs_;
+  ThreadLog quiescent_log_;
+  std::barrier<> barrier_;
+  History history_;
+  std::vector<std::uint32_t> alive_;  ///< accepted ids that were neither dropped nor cleared
+  std::uint32_t update_ = 0;          ///< number of the last update; changes only at quiescent points
+};
+
+template <class Cache>
+RoundRecord run_round(const RoundPlan& plan) {
+  return Round<Cache>(plan).run();
+}
+
+}  // namespace icbench::stress

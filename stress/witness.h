@@ -1,0 +1,22 @@
+// Counterexamples in words: the operations of a violation with their threads and times.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "stress/history.h"
+
+namespace icbench::stress {
+
+/// "thread 3 [1041, 1077] insert of record 12, place 0, size 2". Stamps count from the epoch's first call.
+std::string describe(const History& history, const Epoch& epoch, const Operation& operation);
+
+/// A line that says what is wrong, then one line per operation.
+std::string witness_text(const History& history, const Epoch& epoch, std::string_view what,
+                         std::span<const std::uint32_t> operations);
+
+/// A cycle: each operation must precede the next, the last the first, and under each stands why.
+std::string cycle_text(const History& history, const Epoch& epoch, std::span<const std::uint32_t> cycle);
+
+}  // namespace icbench::stress

@@ -1,0 +1,181 @@
+// Short runs of every registered cache, as it ships and with delays, judged by what it promises; and the
+// parts that record histories.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstring>
+#include <set>
+#include <thread>
+#include <type_traits>
+
+#include "caches/registry.h"
+#include "stress/campaign.h"
+#include "stress/checker.h"
+#include "stress/clock.h"
+#include "stress/round.h"
+#include "stress/subject.h"
+
+namespace icbench::stress {
+namespace {
+
+constexpr std::uint32_t kThreads = 4;
+
+static_assert(std::is_same_v<Delayed<WaitFree<>>, Direct<WardTree<DelaySync>, NoCounters>>);
+static_assert(std::is_same_v<Delayed<GlobalSpinCache<>>,
+                             Locked<WardTree<DelayPlainSync>, GlobalSpin<DelaySync>, NoCounters>>);
+
+ClockSource some_clock(std::uint32_t i) {
+  CampaignOptions options;
+  options.use_tsc = tsc_is_usable();
+  // The counter would hide missing synchronisation from ThreadSanitizer.
+  options.use_counter = !kThreadSanitizer || !options.use_tsc;
+  return clock_of_round(options, i);
+}
+
+class StressCaches : public ::testing::TestWithParam<std::size_t> {
+ protected:
+  const Subject& subject() const { return all_subjects()[GetParam()]; }
+
+  void expect_promises(bool delayed) const {
+    std::uint32_t turn = 0;
+    for (const Shape& shape : all_shapes()) {
+      RoundPlan plan;
+      plan.shape = &shape;
+      plan.threads = subject().traits.single_thread ? 1 : kThreads;
+      plan.operations = 4'000;
+      plan.seed = turn;
+      plan.clock = some_clock(turn++);
+      plan.delay_every = delayed ? 32 : 0;
+      const RoundRecord round = delayed ? subject().run_delayed(plan) : subject().run(plan);
+      const Judgement judgement = judge(round.history);
+      EXPECT_GT(judgement.operations, 0u);
+      for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
+        if (!promises(subject().traits.consistency, static_cast<Check>(i))) continue;
+        EXPECT_EQ(judgement.findings[i].violations, 0u) << kCheckNames[i] << ", " << shape.name << "\n"
+                                                        << judgement.findings[i].witness;
+      }
+    }
+  }
+};
+
+TEST_P(StressCaches, KeepTheirPromises) { expect_promises(false); }
+TEST_P(StressCaches, KeepTheirPromisesUnderDelays) { expect_promises(true); }
+
+INSTANTIATE_TEST_SUITE_P(Registry, StressCaches, ::testing::Range(std::size_t{0}, all_subjects().size()),
+                         [](const auto& at) { return std::string(all_subjects()[at.param].traits.name); });
+
+/// Histories the checker may rely on: ids at most once, stamps that rise in each thread, epochs end to end.
+TEST(StressHistory, IsWellFormed) {
+  for (const Shape& shape : all_shapes()) {
+    RoundPlan plan;
+    plan.shape = &shape;
+    plan.threads = kThreads;
+    plan.operations = 3'000;
+    plan.clock = some_clock(0);
+    plan.delay_every = 64;
+    const RoundRecord round = run_round<Delayed<WaitFree<>>>(plan);
+    const History& h = round.history;
+    std::set<std::uint32_t> ids;
+    std::uint32_t at = 0;
+    for (const Epoch& epoch : h.epochs) {
+      ASSERT_EQ(epoch.first, at);
+      at = epoch.end;
+      for (std::uint32_t i = epoch.first; i != epoch.end; ++i) {
+        const Operation& o = h.operations[i];
+        ASSERT_LE(o.call, o.ret);
+        if (i > epoch.first && h.operations[i - 1].thread == o.thread) {
+          ASSERT_LT(h.operations[i - 1].ret, o.call);
+        }
+        if (o.is_query()) {
+          ASSERT_LE(o.first + o.count, h.seen.size());
+        } else {
+          ASSERT_LT(o.first, h.ids);
+          ASSERT_TRUE(ids.insert(o.first).second);
+        }
+      }
+    }
+    EXPECT_EQ(at, h.operations.size());
+    EXPECT_GT(ids.size(), 100u);
+  }
+}
+
+TEST(StressHistory, ASmallPoolRefusesSomeInserts) {
+  RoundPlan plan;
+  plan.shape = &all_shapes().back();
+  plan.threads = kThreads;
+  plan.operations = 2'000;
+  plan.clock = some_clock(0);
+  const RoundRecord round = run_round<WaitFree<>>(plan);
+  std::size_t refused = 0;
+  for (const Operation& o : round.history.operations) refused += o.is_refused();
+  EXPECT_GT(refused, 0u);
+}
+
+TEST(StressHistory, TheSealTellsEveryFieldAndTheUpdate) {
+  const Landscape landscape(all_shapes().front(), 1, 0.5f);
+  const Record whole = landscape.record(1, 42, 3);
+  EXPECT_EQ(shown_id(whole, 3), 42u);
+  EXPECT_EQ(shown_id(whole, 4), 42u | kTorn);
+  for (std::size_t i = 0; i < sizeof(Record) / sizeof(std::uint32_t); ++i) {
+    Record torn = whole;
+    std::uint32_t word;
+    std::memcpy(&word, reinterpret_cast<const std::byte*>(&whole) + 4 * i, 4);
+    word ^= 2u;
+    std::memcpy(reinterpret_cast<std::byte*>(&torn) + 4 * i, &word, 4);
+    EXPECT_NE(shown_id(torn, 3) & kTorn, 0u) << "word " << i;
+  }
+}
+
+/// If a store returned before a load was called, by the clock, the load sees it.
+void expect_sound(ClockSource source) {
+  constexpr std::uint32_t kStores = 500'000;
+  StressClock clock(source);
+  std::atomic<std::uint32_t> word{0};
+  std::vector<Stamp> returned(kStores + 1);
+  struct Load {
+    Stamp call;
+    std::uint32_t value;
+  };
+  std::vector<Load> loads;
+  loads.reserve(4 * kStores);
+  {
+    std::jthread writer([&] {
+      for (std::uint32_t i = 1; i <= kStores; ++i) {
+        word.store(i, std::memory_order_release);
+        returned[i] = clock.after();
+      }
+    });
+    while (loads.size() < loads.capacity() && word.load(std::memory_order_acquire) < kStores) {
+      const Stamp call = clock.before();
+      loads.push_back({call, word.load(std::memory_order_acquire)});
+    }
+  }
+  std::uint32_t due = 0;
+  for (const Load& load : loads) {
+    while (due < kStores && returned[due + 1] < load.call) ++due;
+    ASSERT_GE(load.value, due);
+  }
+}
+
+TEST(StressClock, CounterClaimsNoOrderThatWasNotThere) { expect_sound(ClockSource::counter); }
+TEST(StressClock, TscClaimsNoOrderThatWasNotThere) {
+  if (!tsc_is_usable()) GTEST_SKIP() << "the cores' counters disagree";
+  expect_sound(ClockSource::tsc);
+}
+
+TEST(StressCampaign, TakesTurnsAndAddsUp) {
+  const Subject& wait_free = all_subjects().back();
+  CampaignOptions options;
+  options.operations = 70'000;
+  options.use_counter = some_clock(0) == ClockSource::counter;
+  options.use_tsc = tsc_is_usable();
+  double reported = 0.0;
+  const Totals totals = run_campaign(wait_free, options, [&](double operations) { reported += operations; });
+  EXPECT_GE(totals.judgement.operations, options.operations);
+  EXPECT_EQ(reported, static_cast<double>(totals.judgement.operations));
+  EXPECT_GE(totals.rounds, 2 * all_shapes().size());
+  EXPECT_TRUE(totals.judgement.holds(Check::regular)) << totals.judgement[Check::regular].witness;
+}
+
+}  // namespace
+}  // namespace icbench::stress

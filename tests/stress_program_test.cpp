@@ -1,0 +1,99 @@
+// The icstress program from outside: exit statuses, messages, JSON.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "temporary_folder.h"
+
+namespace icbench {
+namespace {
+
+struct Outcome {
+  int status;
+  std::string errors;
+};
+
+/// Runs icstress; its standard output goes nowhere.
+Outcome icstress(const std::string& arguments) {
+  const std::string command = std::string(ICSTRESS) + " " + arguments + " 2>&1 >/dev/null";
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  if (pipe == nullptr) return {-1, "popen failed"};
+  std::string errors;
+  std::array<char, 4096> chunk;
+  while (const std::size_t n = std::fread(chunk.data(), 1, chunk.size(), pipe))
+    errors.append(chunk.data(), n);
+  const int status = ::pclose(pipe);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, errors};
+}
+
+void expect_bad_usage(const std::string& arguments, const std::string& hint) {
+  const Outcome outcome = icstress(arguments);
+  EXPECT_EQ(outcome.status, 2) << arguments;
+  EXPECT_EQ(std::count(outcome.errors.begin(), outcome.errors.end(), '\n'), 1) << outcome.errors;
+  EXPECT_NE(outcome.errors.find(hint), std::string::npos) << outcome.errors;
+}
+
+TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
+  expect_bad_usage("--caches wait_fre", "did you mean 'wait_free'");
+  expect_bad_usage("--caches wait_free,", "unknown cache ''");
+  expect_bad_usage("--check linearizible", "did you mean 'linearizable'");
+  expect_bad_usage("--thread 4", "did you mean '--threads'");
+  expect_bad_usage("--threads 1", "--threads");
+  expect_bad_usage("--threads many", "--threads");
+  expect_bad_usage("--operations 0", "--operations");
+  expect_bad_usage("--seed -1", "--seed");
+  expect_bad_usage("--json /nonexistent/x.json", "/nonexistent/x.json");
+  expect_bad_usage("--json /", "directory");
+  expect_bad_usage("wait_free", "unexpected argument");
+}
+
+TEST(StressProgram, ReportsEveryCheckAndControl) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "verdicts.json").string();
+  const Outcome outcome =
+      icstress("--caches wait_free,global_mutex --operations 20000 --threads 3 --seed 5 --json " + file);
+  ASSERT_EQ(outcome.status, 0) << outcome.errors;
+  std::ifstream in(file);
+  const nlohmann::json results = nlohmann::json::parse(in);
+  std::map<std::pair<std::string, std::string>, nlohmann::json> rows;
+  for (const auto& row : results.at("checks")) rows[{row.at("cache"), row.at("check")}] = row;
+  EXPECT_EQ(rows.size(), 10u);
+  for (const auto& [key, row] : rows) {
+    EXPECT_GE(row.at("operations").get<std::uint64_t>(), 20'000u);
+    EXPECT_GT(row.at("concurrent_pairs").get<std::uint64_t>(), 0u);
+    EXPECT_EQ(row.at("seed"), 5);
+    const bool violated = row.at("verdict") == "violated";
+    EXPECT_EQ(violated, row.at("violations").get<std::uint64_t>() > 0);
+    EXPECT_EQ(violated, !row.at("witness").get<std::string>().empty());
+    EXPECT_FALSE(violated && row.at("promised").get<bool>());
+  }
+  EXPECT_TRUE((rows[{"global_mutex", "linearizable"}].at("promised").get<bool>()));
+  EXPECT_FALSE((rows[{"wait_free", "linearizable"}].at("promised").get<bool>()));
+  EXPECT_TRUE((rows[{"wait_free", "per_record_linearizable"}].at("promised").get<bool>()));
+  EXPECT_GE(results.at("controls").size(), 11u);
+  for (const auto& control : results.at("controls")) {
+    if (!control.at("required").get<bool>()) continue;
+    EXPECT_TRUE(control.at("seen").get<bool>()) << control.at("control");
+    EXPECT_FALSE(control.at("witness").get<std::string>().empty());
+  }
+}
+
+TEST(StressProgram, ReportsTheChecksAskedFor) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "verdicts.json").string();
+  ASSERT_EQ(icstress("--caches null --check regular --operations 100 --json " + file).status, 0);
+  std::ifstream in(file);
+  const nlohmann::json results = nlohmann::json::parse(in);
+  ASSERT_EQ(results.at("checks").size(), 1u);
+  EXPECT_EQ(results.at("checks")[0].at("check"), "regular");
+}
+
+}  // namespace
+}  // namespace icbench
