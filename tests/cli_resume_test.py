@@ -18,9 +18,9 @@ class SweepFiles(Case):
 
     def test_seed_fixes_the_results_of_one_thread(self):
         def results(seed, name):
-            self.succeed("sweep", "--caches", "sequential,wait_free", "--threads", "1", "--repetitions", "2",
-                       "--workloads", "miss_driven:cost=0:operations=1000,cornell_box:rays=4:size=16x16",
-                       "--reference-spp", "2", "--seed", seed, "--out", name)
+            workloads = "miss_driven:cost=0:operations=1000,cornell_box:rays=4:size=16x16"
+            self.succeed(*small_sweep(caches="sequential,wait_free", workloads=workloads, repetitions=2,
+                                      **{"reference-spp": 2}, seed=seed, out=name))
             fields = ["queries", "hits", "inserts", "records", "rays", "rmse", "relmse", "mean_ratio"]
             rows = self.load(name)["benchmarks"]
             return {key_of(row): [row.get(field) for field in fields] for row in rows}
@@ -28,11 +28,10 @@ class SweepFiles(Case):
         first, second, other = results(1, "a.json"), results(1, "b.json"), results(2, "c.json")
         self.assertEqual(first, second)
         self.assertEqual(first.keys(), other.keys())
-        for key in first:
-            self.assertNotEqual(first[key], other[key])
-        at = {repetition: first["sweep/miss_driven:cost=0:operations=1000/wait_free/threads:1", repetition]
-              for repetition in (0, 1)}
-        self.assertNotEqual(at[0], at[1], "repetitions are to be independent")
+        self.assertNotEqual(first, other)
+        picture = "sweep/cornell_box:rays=4:size=16x16/wait_free/threads:1"
+        self.assertNotEqual(first[picture, 0], other[picture, 0])
+        self.assertNotEqual(first[picture, 0], first[picture, 1], "repetitions are to be independent")
 
     def test_standard_output_is_one_valid_document(self):
         results = json.loads(self.succeed(*small_sweep(out="/dev/stdout")))
@@ -76,58 +75,70 @@ class SweepFiles(Case):
             self.refuse(*small_sweep(out="r.json"), "--resume", says=["r.json"])
 
 
+class Plan:
+    """A sweep that is to be interrupted."""
+
+    def __init__(self, caches, threads, workloads, repetitions):
+        points = itertools.product(workloads, caches, threads)
+        names = [f"sweep/{workload}/{cache}/threads:{count}" for workload, cache, count in points]
+        self.keys = set(itertools.product(names, range(repetitions)))
+        self.arguments = ["sweep", "--caches", ",".join(caches), "--threads", ",".join(map(str, threads)),
+                          "--workloads", ",".join(workloads), "--repetitions", str(repetitions),
+                          "--out", "r.json", "--resume"]
+
+
+QUICK = Plan(["global_mutex", "local_write", "wait_free"], [1, 2],
+             ["insert_only:records=200", "miss_driven:cost=0:operations=200"], 12)
+# A trial takes a fifth of a second, so that a signal arrives long before the end.
+SLOW = Plan(["wait_free"], [1], ["miss_driven:cost=2000:operations=200"], 6)
+
+
 class Interrupted(Case):
     """Sweeps that are stopped at any moment lose nothing."""
 
-    CACHES, THREADS, REPETITIONS = ["global_mutex", "local_write", "wait_free"], [1, 2], 12
-    WORKLOADS = ["insert_only:records=200", "miss_driven:cost=0:operations=200"]
-    ARGUMENTS = ["sweep", "--caches", ",".join(CACHES), "--threads", "1,2",
-                 "--workloads", ",".join(WORKLOADS), "--repetitions", str(REPETITIONS),
-                 "--out", "r.json", "--resume"]
-
-    def start(self):
+    def start(self, plan):
         # An interactive shell's background jobs ignore SIGINT, and their children inherit that.
-        process = subprocess.Popen([ICBENCH, *self.ARGUMENTS], cwd=self.folder, stdout=subprocess.DEVNULL,
+        process = subprocess.Popen([ICBENCH, *plan.arguments], cwd=self.folder, stdout=subprocess.DEVNULL,
                                    stderr=subprocess.DEVNULL,
                                    preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
+        self.addCleanup(process.wait)
         self.addCleanup(process.kill)
         return process
 
+    def journalled(self):
+        """Complete rows of the journal, as text."""
+        journal = self.folder / "r.json.partial"
+        # Without the header and a row that was not finished.
+        return journal.read_text().split("\n")[1:-1] if journal.exists() else []
+
     def safe_rows(self):
         """What the file and its journal hold, by name and repetition."""
-        rows = []
+        rows = [json.loads(row) for row in self.journalled()]
         if (self.folder / "r.json").exists():
             results = self.load("r.json")
             self.assertIs(results["context"]["complete"], False)
             rows += results["benchmarks"]
-        journal = self.folder / "r.json.partial"
-        if journal.exists():
-            lines = journal.read_text().split("\n")[1:-1]  # without the header and what was not finished
-            rows += map(json.loads, lines)
         safe = {}
         for row in rows:
             self.assertEqual(safe.setdefault(key_of(row), row), row)
         return safe
 
     def wait_for_rows(self, process, wanted):
-        journal = self.folder / "r.json.partial"
+        """Returns when the process has added so many rows, or has ended."""
+        wanted += len(self.journalled())
         deadline = time.monotonic() + PATIENCE
-        while process.poll() is None and time.monotonic() < deadline:
-            if journal.exists() and journal.read_text().count("\n") > wanted:
-                return
+        while process.poll() is None and time.monotonic() < deadline and len(self.journalled()) < wanted:
             time.sleep(0.002)
 
-    def assert_complete(self, safe):
+    def assert_completes(self, plan, safe):
         """One more run completes the sweep; the rows that were safe are as they were."""
-        self.succeed(*self.ARGUMENTS)
+        self.succeed(*plan.arguments)
         results = self.load("r.json")
         self.assertIs(results["context"]["complete"], True)
         self.assertEqual(os.listdir(self.folder), ["r.json"])
         rows = {key_of(row): row for row in results["benchmarks"]}
         self.assertEqual(len(rows), len(results["benchmarks"]))
-        points = itertools.product(self.WORKLOADS, self.CACHES, self.THREADS)
-        names = [f"sweep/{workload}/{cache}/threads:{threads}" for workload, cache, threads in points]
-        self.assertEqual(rows.keys(), set(itertools.product(names, range(self.REPETITIONS))))
+        self.assertEqual(rows.keys(), plan.keys)
         for key, row in safe.items():
             self.assertEqual(rows[key], row)
         return results["context"]
@@ -139,7 +150,7 @@ class Interrupted(Case):
         kills = 0
         with self.subTest(seed=seed):
             for by_time in (True, False, True, False, True, False):
-                process = self.start()
+                process = self.start(QUICK)
                 if by_time:  # most likely while it is starting
                     time.sleep(chance.uniform(0, 0.5))
                 else:
@@ -153,29 +164,27 @@ class Interrupted(Case):
                     self.assertEqual(now[key], row)
                 safe = now
             self.assertGreater(kills, 0)
-            context = self.assert_complete(safe) if kills else None
+            context = self.assert_completes(QUICK, safe)
             self.assertLessEqual(len(context.get("resumed", [])), kills, "a resumption is recorded once")
 
     def test_interrupt_ends_promptly_and_resume_completes(self):
-        process = self.start()
-        self.wait_for_rows(process, 3)
+        process = self.start(SLOW)
+        self.wait_for_rows(process, 2)
         process.send_signal(signal.SIGINT)
         self.assertEqual(process.wait(PATIENCE), -signal.SIGINT)
         safe = self.safe_rows()
-        self.assertGreaterEqual(len(safe), 3)
-        self.assert_complete(safe)
+        self.assertGreaterEqual(len(safe), 2)
+        self.assertLess(len(safe), len(SLOW.keys))
+        self.assert_completes(SLOW, safe)
 
     def test_two_sweeps_never_share_a_file(self):
-        process = self.start()
+        process = self.start(SLOW)
         self.wait_for_rows(process, 1)
         process.send_signal(signal.SIGSTOP)
-        try:
-            if process.poll() is None:
-                self.assert_refused(self.run_icbench(*self.ARGUMENTS), "another process")
-        finally:
-            process.kill()
-            process.wait(PATIENCE)
-        self.assert_complete(self.safe_rows())
+        self.assert_refused(self.run_icbench(*SLOW.arguments), "another process")
+        process.kill()
+        process.wait(PATIENCE)
+        self.assert_completes(SLOW, self.safe_rows())
 
 
 if __name__ == "__main__":

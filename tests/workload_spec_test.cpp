@@ -1,5 +1,6 @@
 // Workload specifications: canonical names, every parameter, and errors of one line; what a sweep makes of
 // them.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -119,7 +120,7 @@ TEST(Spec, ErrorsAreOneLineThatNamesTheWorkload) {
                            "cornell_box:spp=0",
                            "cornell_box:order=uniform",
                            "mix_50_50:operations=268435456"}) {
-    EXPECT_TRUE(is_one_line_with(error_of([&] { parse_workload(text); }), std::string("'") + text + "'"));
+    EXPECT_TRUE(is_one_line_with(error_of([&] { parse_workload(text); }), fmt::format("'{}'", text)));
   }
 }
 
@@ -132,7 +133,7 @@ TEST(Spec, UnknownNamesGetTheNearest) {
                                       {"cornell_box:tiles=scan_line", "scanline"},
                                       {"cornell_box:integrator=pat", "path"}}) {
     EXPECT_TRUE(is_one_line_with(error_of([&] { parse_workload(text); }),
-                                 std::string("did you mean '") + nearest + "'?"));
+                                 fmt::format("did you mean '{}'?", nearest)));
   }
 }
 

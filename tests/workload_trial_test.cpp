@@ -1,24 +1,19 @@
 // Synthetic trials on every cache, and on broken caches that a trial must find out.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <map>
 #include <memory>
 
-#include "caches/registry.h"
-#include "scene/registry.h"
+#include "broken_caches.h"
+#include "made_points.h"
 #include "workload/dispatch.h"
-#include "workload/synthetic_plan.h"
 #include "workload/synthetic_trial.h"
 
 namespace icbench {
 namespace {
 
 constexpr std::uint64_t kSeed = 3;
-
-SyntheticPlan plan_of(const std::string& workload) {
-  const RayTracer rays(make_scene("white_furnace"));
-  return {parse_workload(workload), rays, 1};
-}
 
 /// Runs trials with teams that are made once.
 class Bench {
@@ -39,7 +34,7 @@ class Bench {
 class Trials : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(Trials, AreValidOnEveryCacheAndNumberOfThreads) {
-  const SyntheticPlan plan = plan_of(GetParam());
+  const SyntheticPlan plan = made_plan(GetParam());
   const WorkloadSpec& spec = plan.spec();
   Bench bench;
   for (const CacheEntry& cache : all_caches()) {
@@ -86,81 +81,23 @@ INSTANTIATE_TEST_SUITE_P(Kinds, Trials,
                                            "miss_driven:cost=1:operations=1500:order=hot_spot",
                                            "miss_driven:cost=0:operations=1500:order=coherent",
                                            "mix_50_50:records=3:operations=4"),
-                         [](const auto& kind) { return "Kind" + std::to_string(kind.index); });
-
-// Broken caches: the wait-free one with a single fault each.
-constexpr std::uint32_t kVictim = 0;  // a miss-driven workload starts with a miss
-
-template <class Counters>
-struct Losing : WaitFree<Counters> {
-  using WaitFree<Counters>::WaitFree;
-  template <class F>
-  void for_each_record(F&& f) const {
-    WaitFree<Counters>::for_each_record([&](const Record& r) {
-      if (r.id != kVictim) f(r);
-    });
-  }
-};
-
-template <class Counters>
-struct Tearing : WaitFree<Counters> {
-  using WaitFree<Counters>::WaitFree;
-  template <class F>
-  void for_each_record(F&& f) const {
-    WaitFree<Counters>::for_each_record([&](Record r) {
-      if (r.id == kVictim) r.E.y = 0.0f;
-      f(r);
-    });
-  }
-};
-
-template <class Counters>
-struct Inventing : WaitFree<Counters> {
-  using WaitFree<Counters>::WaitFree;
-  template <class F>
-  void for_each_record(F&& f) const {
-    WaitFree<Counters>::for_each_record([&](Record r) {
-      if (r.id == kVictim) r.id = 1'000'000;
-      f(r);
-    });
-  }
-};
-
-/// As if one query had missed a record that is there.
-template <class Counters>
-struct Blind : WaitFree<Counters> {
-  using WaitFree<Counters>::WaitFree;
-  Counts counters() const {
-    Counts counts = WaitFree<Counters>::counters();
-    --counts.hits;
-    return counts;
-  }
-};
-
-template <class Counters>
-struct Small : WaitFree<Counters> {
-  explicit Small(CacheConfig config) : WaitFree<Counters>(with_little_room(config)) {}
-  static CacheConfig with_little_room(CacheConfig config) {
-    config.capacity = 64;
-    return config;
-  }
-};
+                         [](const auto& kind) { return fmt::format("Kind{}", kind.index); });
 
 TEST(BrokenCaches, AreFoundOut) {
-  const SyntheticPlan inserts = plan_of("insert_only:records=200");
-  const SyntheticPlan reads = plan_of("read_only:records=200:operations=300");
-  const SyntheticPlan misses = plan_of("miss_driven:cost=0:operations=1000:order=coherent");
+  const SyntheticPlan inserts = made_plan("insert_only:records=200");
+  const SyntheticPlan reads = made_plan("read_only:records=200:operations=300");
+  const SyntheticPlan misses = made_plan("miss_driven:cost=0:operations=1000");
   Bench bench;
   EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, inserts, 2).error, "");
   EXPECT_EQ(bench(run_synthetic_trial<Losing>, inserts, 2).error, "200 records accepted but 199 stored");
-  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, inserts, 2).error, "torn record 0");
+  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, inserts, 2).error.find("torn record"), 0u);
   EXPECT_EQ(bench(run_synthetic_trial<Inventing>, inserts, 2).error, "invented record 1000000");
   EXPECT_EQ(bench(run_synthetic_trial<Small>, inserts, 1).error, "136 inserts refused");
   EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, reads, 2).error, "");
   EXPECT_NE(bench(run_synthetic_trial<Blind>, reads, 2).error.find("where the oracle hits"),
             std::string::npos);
   EXPECT_EQ(bench(run_synthetic_trial<WaitFree>, misses, 2).error, "");
-  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, misses, 1).error, "torn record 0");
+  EXPECT_EQ(bench(run_synthetic_trial<Tearing>, misses, 2).error.find("torn record"), 0u);
 }
 
 TEST(Dispatch, FindsEveryCacheByName) {

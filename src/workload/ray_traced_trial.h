@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/cache.h"
+#include "core/sync.h"
 #include "workload/ray_traced_plan.h"
 #include "workload/trial.h"
 #include "workload/validation.h"

@@ -206,8 +206,7 @@ WorkloadSpec parse_workload(std::string_view text) {
   }
   // Every session may hold a batch of tickets that it does not use.
   constexpr std::uint64_t kMost = kMaxCapacity - std::uint64_t{kMaxSessions} * kTicketBatch;
-  const bool is_filled = spec.kind == WorkloadKind::read_only || spec.kind == WorkloadKind::mix;
-  if (const std::uint64_t n = std::uint64_t{spec.inserts()} + (is_filled ? spec.records : 0); n > kMost) {
+  if (const std::uint64_t n = std::uint64_t{spec.prefilled()} + spec.inserts(); n > kMost) {
     fail(text,
          fmt::format("it stores {} records, a cache at most {}; lower operations or records", n, kMost));
   }

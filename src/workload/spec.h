@@ -52,6 +52,11 @@ struct WorkloadSpec {
 
   bool uses_cache() const noexcept { return !path; }
 
+  /// Records that are stored before the clock starts.
+  std::uint32_t prefilled() const noexcept {
+    return kind == WorkloadKind::read_only || kind == WorkloadKind::mix ? records : 0;
+  }
+
   /// Inserts that are known beforehand: all but those that follow from misses.
   std::uint32_t inserts() const noexcept {
     if (kind == WorkloadKind::insert_only) return records;

@@ -21,17 +21,25 @@ Irradiance smooth_irradiance(const glm::vec3& p) noexcept {
           2.0f + std::sin(3.0f * p.z + 2.0f)};
 }
 
-SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed)
-    : spec_(spec) {
-  points_ = spec.order == PointOrder::coherent ? image_points(rays, kImage, kImage, seed, tile_ends_)
-                                               : scattered_points(rays, kQueryPoints, seed);
+PlanPoints plan_points(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed) {
+  PlanPoints out;
+  out.queries = spec.order == PointOrder::coherent ? image_points(rays, kImage, kImage, seed, out.tile_ends)
+                                                   : scattered_points(rays, kQueryPoints, seed);
+  if (const std::uint32_t n = spec.prefilled() + spec.inserts(); n != 0) {
+    out.sites = scattered_points(rays, n, hash_keys(seed, 1));
+  }
+  return out;
+}
+
+SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, PlanPoints given, std::uint64_t seed)
+    : spec_(spec),
+      points_(std::move(given.queries)),
+      tile_ends_(std::move(given.tile_ends)),
+      prefilled_(spec.prefilled()) {
   if (spec.order == PointOrder::hot_spot) add_hot_spot(seed);
   if (spec.kind == WorkloadKind::miss_driven) return;
-
-  prefilled_ = spec.kind == WorkloadKind::insert_only ? 0 : spec.records;
-  const std::uint32_t n = prefilled_ + spec.inserts();
-  const SurfacePoints sites = scattered_points(rays, n, hash_keys(seed, 1));
-  for (std::uint32_t i = 0; i < n; ++i) {
+  const SurfacePoints& sites = given.sites;
+  for (std::uint32_t i = 0; i < sites.points.size(); ++i) {
     const SurfacePoint& x = sites.points[i];
     records_.push_back({x.p, x.n, sites.radii[i], smooth_irradiance(x.p), i});
   }

@@ -25,10 +25,23 @@ struct Streams {
   }
 };
 
+/// The points that a plan is made of.
+struct PlanPoints {
+  SurfacePoints queries;
+  std::vector<std::uint32_t> tile_ends;  ///< coherent order: index past each tile's last query point
+  SurfacePoints sites;                   ///< of the records that are known beforehand
+};
+
+/// Points of the workload on the scene's surfaces; some tenths of a second. `seed` fixes them.
+PlanPoints plan_points(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed);
+
 class SyntheticPlan {
  public:
-  /// Generates points and records; some tenths of a second. `seed` fixes everything.
-  SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed);
+  /// `given` has as many sites as the workload has records beforehand, and tiles for coherent order; `seed`
+  /// fixes the rest.
+  SyntheticPlan(const WorkloadSpec& spec, PlanPoints given, std::uint64_t seed);
+  SyntheticPlan(const WorkloadSpec& spec, const RayTracer& rays, std::uint64_t seed)
+      : SyntheticPlan(spec, plan_points(spec, rays, seed), seed) {}
 
   const WorkloadSpec& spec() const noexcept { return spec_; }
   const std::vector<SurfacePoint>& points() const noexcept { return points_.points; }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/cache.h"
+#include "core/sync.h"
 #include "workload/synthetic_plan.h"
 #include "workload/trial.h"
 #include "workload/validation.h"

@@ -1,0 +1,63 @@
+// Caches that a trial must find out: the wait-free one with a single fault each.
+#pragma once
+
+#include <utility>
+
+#include "caches/registry.h"
+
+namespace icbench {
+
+/// Shows the first of its records changed by `fault`, which returns whether it is shown at all.
+template <class Counters, bool (*fault)(Record&)>
+struct WithFault : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  template <class F>
+  void for_each_record(F&& f) const {
+    bool is_first = true;
+    WaitFree<Counters>::for_each_record([&](Record r) {
+      if (!std::exchange(is_first, false) || fault(r)) f(r);
+    });
+  }
+};
+
+inline bool lose(Record&) { return false; }
+inline bool tear(Record& r) { return r.E.y += 1.0f, true; }
+inline bool invent(Record& r) { return r.id = 1'000'000, true; }
+
+template <class Counters>
+struct Losing : WithFault<Counters, lose> {
+  using WithFault<Counters, lose>::WithFault;
+};
+
+template <class Counters>
+struct Tearing : WithFault<Counters, tear> {
+  using WithFault<Counters, tear>::WithFault;
+};
+
+template <class Counters>
+struct Inventing : WithFault<Counters, invent> {
+  using WithFault<Counters, invent>::WithFault;
+};
+
+/// Counts as if one query had missed a record that is there.
+template <class Counters>
+struct Blind : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  Counts counters() const {
+    Counts counts = WaitFree<Counters>::counters();
+    --counts.hits;
+    return counts;
+  }
+};
+
+/// Has room for fewer records than it was asked to promise.
+template <class Counters>
+struct Small : WaitFree<Counters> {
+  explicit Small(CacheConfig config) : WaitFree<Counters>(with_little_room(config)) {}
+  static CacheConfig with_little_room(CacheConfig config) {
+    config.capacity = 64;
+    return config;
+  }
+};
+
+}  // namespace icbench

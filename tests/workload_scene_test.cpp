@@ -1,0 +1,156 @@
+// Workloads on real scenes: plans on the scenes' surfaces, and ray-traced trials on every cache.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+
+#include "broken_caches.h"
+#include "scene/registry.h"
+#include "workload/dispatch.h"
+#include "workload/ray_traced_plan.h"
+#include "workload/ray_traced_trial.h"
+#include "workload/synthetic_plan.h"
+#include "workload/validation.h"
+
+namespace icbench {
+namespace {
+
+const RayTracer& scene(const std::string& name) {
+  static std::map<std::string, std::unique_ptr<RayTracer>> scenes;
+  auto& slot = scenes[name];
+  if (!slot) slot = std::make_unique<RayTracer>(make_scene(name));
+  return *slot;
+}
+
+TEST(ScenePlan, SeedFixesPointsAndRecords) {
+  const auto plan = [](std::uint64_t seed) {
+    return SyntheticPlan(parse_workload("mix_50_50:records=100:operations=100"), scene("white_furnace"),
+                         seed);
+  };
+  const SyntheticPlan a = plan(4), b = plan(4), c = plan(5);
+  ASSERT_EQ(a.records().size(), 150u);
+  for (std::size_t i = 0; i < a.records().size(); ++i) {
+    EXPECT_TRUE(same_bits(a.records()[i], b.records()[i]));
+    EXPECT_FALSE(same_bits(a.records()[i], c.records()[i]));
+    EXPECT_EQ(a.records()[i].id, i);
+  }
+  for (std::size_t i = 0; i < a.points().size(); ++i) {
+    ASSERT_EQ(a.points()[i].p, b.points()[i].p);
+    ASSERT_EQ(a.points()[i].n, b.points()[i].n);
+  }
+}
+
+TEST(ScenePlan, CachesAcceptAllPointsAndRecords) {
+  for (const SceneEntry& entry : kScenes) {
+    const SyntheticPlan plan(parse_workload("insert_only:records=500"), scene(std::string(entry.name)), 1);
+    const Bounds bounds = plan.config(1).bounds;
+    for (const SurfacePoint& x : plan.points()) ASSERT_TRUE(is_askable(x, bounds)) << entry.name;
+    for (const Record& r : plan.records()) ASSERT_TRUE(is_storable(r, bounds)) << entry.name;
+  }
+}
+
+TEST(ScenePlan, SixRecordsAreValidAtAPointOnAverage) {
+  for (const SceneEntry& entry : kScenes) {
+    const SyntheticPlan plan(parse_workload("read_only:records=3000"), scene(std::string(entry.name)), 1);
+    Pcg32 random(1);
+    constexpr int kProbes = 2000;
+    std::uint64_t valid = 0;
+    for (int i = 0; i < kProbes; ++i) {
+      const SurfacePoint& x = plan.points()[random.below(static_cast<std::uint32_t>(plan.points().size()))];
+      for (const Record& r : plan.records()) valid += split_sphere_weight(x, r, plan.spec().a) > 0.0f;
+    }
+    EXPECT_NEAR(static_cast<double>(valid) / kProbes, 6.0, 0.6) << entry.name;
+  }
+}
+
+TEST(ScenePlan, CoherentPointsOfATileLieTogether) {
+  const SyntheticPlan plan(parse_workload("miss_driven:operations=20000:order=coherent"),
+                           scene("white_furnace"), 1);
+  const auto mean_step = [&](const SyntheticPlan& p) {
+    const Streams streams = p.streams(1, 1);
+    double sum = 0.0;
+    for (std::size_t i = 1; i < streams.operations.size(); ++i) {
+      sum += glm::length(p.points()[streams.operations[i]].p - p.points()[streams.operations[i - 1]].p);
+    }
+    return sum / static_cast<double>(streams.operations.size());
+  };
+  const SyntheticPlan scattered(parse_workload("miss_driven:operations=20000"), scene("white_furnace"), 1);
+  EXPECT_LT(mean_step(plan), 0.05 * mean_step(scattered));
+}
+
+class RayTraced : public ::testing::Test {
+ protected:
+  RayTraced()
+      : primary(centre_hits(scene("cornell_box"), 40, 24)),
+        reference(make_reference(scene("cornell_box"), primary, 4, 1)),
+        plan(parse_workload("cornell_box:rays=4:size=40x24"), scene("cornell_box"), primary, reference, 1) {}
+
+  TrialOutcome run(TrialOutcome (*trial)(const RayTracedPlan&, const TrialSetup&), unsigned threads) {
+    auto& team = teams[threads];
+    if (!team) team = std::make_unique<ThreadTeam>(topology, Placement::none, threads);
+    return trial(plan, TrialSetup{*team, work, kSeed, 1});
+  }
+
+  static constexpr std::uint64_t kSeed = 3;
+  Topology topology = Topology::of_this_process();
+  Work work{WorkCalibration{}};
+  std::map<unsigned, std::unique_ptr<ThreadTeam>> teams;
+  PrimaryHits primary;
+  Reference reference;
+  RayTracedPlan plan;
+};
+
+TEST_F(RayTraced, TrialsAreValidOnEveryCacheAndNumberOfThreads) {
+  for (const CacheEntry& cache : all_caches()) {
+    for (const unsigned threads : {1u, 2u, 8u}) {
+      if (cache.traits.single_thread && threads > 1) continue;
+      SCOPED_TRACE(::testing::Message() << cache.traits.name << ", " << threads << " threads");
+      const TrialOutcome out = run(cache.ray_traced, threads);
+      ASSERT_EQ(out.error, "");
+      EXPECT_EQ(out.query_ticks.count(), out.counts.queries) << "every operation was to be timed";
+      EXPECT_GT(out.rays.total(), 0u);
+      EXPECT_TRUE(std::isfinite(out.relmse));
+      if (cache.traits.consistency == Consistency::none) continue;
+      EXPECT_EQ(out.counts.inserted, out.counts.queries - out.counts.hits);
+      EXPECT_EQ(out.records, out.counts.inserted);
+      EXPECT_GT(out.counts.hits, 0u);
+      EXPECT_NEAR(out.mean_ratio, 1.0, 0.2);
+    }
+  }
+}
+
+TEST_F(RayTraced, OneThreadGivesTheSamePictureWithEveryCache) {
+  const TrialOutcome expected = run(find_cache("sequential").ray_traced, 1);
+  EXPECT_EQ(expected.records, plan.records_of_one_thread(kSeed));
+  for (const char* name : {"global_mutex", "node_lock", "local_write", "wait_free"}) {
+    const TrialOutcome out = run(find_cache(name).ray_traced, 1);
+    EXPECT_EQ(out.counts.hits, expected.counts.hits) << name;
+    EXPECT_EQ(out.records, expected.records) << name;
+    // The same records in another order of summation.
+    EXPECT_NEAR(out.relmse / expected.relmse, 1.0, 1e-5) << name;
+  }
+}
+
+TEST_F(RayTraced, BrokenCachesAreFoundOut) {
+  EXPECT_EQ(run(run_ray_traced_trial<WaitFree>, 2).error, "");
+  EXPECT_NE(run(run_ray_traced_trial<Losing>, 2).error.find("accepted but"), std::string::npos);
+  EXPECT_EQ(run(run_ray_traced_trial<Tearing>, 2).error.find("torn record"), 0u);
+  EXPECT_EQ(run(run_ray_traced_trial<Inventing>, 2).error, "invented record 1000000");
+}
+
+TEST_F(RayTraced, PathTracingNeedsNoCacheAndNoOrder) {
+  const TrialOutcome one = run(run_path_trial, 1), many = run(run_path_trial, 8);
+  EXPECT_EQ(one.relmse, many.relmse);
+  EXPECT_EQ(one.rays.total(), many.rays.total());
+  EXPECT_EQ(one.operations, 40u * 24u * plan.spec().spp);
+  EXPECT_EQ(one.counts.queries, 0u);
+}
+
+TEST_F(RayTraced, ReferenceErrorFallsWithItsSamples) {
+  const Reference better = make_reference(scene("cornell_box"), primary, 64, 1);
+  EXPECT_EQ(better.spp, 64u);
+  EXPECT_GT(reference.relmse, 4.0 * better.relmse);
+}
+
+}  // namespace
+}  // namespace icbench
