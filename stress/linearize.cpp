@@ -101,6 +101,12 @@ std::vector<std::uint32_t> Linearizer::without_chords(std::vector<std::uint32_t>
   };
   while (shorten()) {
   }
+  // Reads best from a pair in real time on, if there is one.
+  for (std::size_t i = 0; i < cycle.size(); ++i) {
+    if (operations_[cycle[i]].ret >= operations_[cycle[(i + 1) % cycle.size()]].call) continue;
+    std::rotate(cycle.begin(), cycle.begin() + static_cast<std::ptrdiff_t>(i), cycle.end());
+    break;
+  }
   return cycle;
 }
 

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 
+#include "caches/session.h"
 #include "core/interpolation.h"
 
 namespace icbench::stress {
@@ -75,7 +76,7 @@ RoundSizes::RoundSizes(const RoundPlan& plan) {
   most_seen = epoch_operations * std::min(shape.clear_every, epochs) + 1;
   // Sessions draw room in batches: where the pool is to suffice, each gets one more than it needs.
   const std::uint64_t expected = std::uint64_t{most_seen} * shape.insert_percent / 100 + 1;
-  const std::uint64_t spare = shape.capacity_percent > 100 ? 64u * plan.threads : 0;
+  const std::uint64_t spare = shape.capacity_percent > 100 ? kTicketBatch * plan.threads : 0;
   capacity = static_cast<std::uint32_t>(
       std::min<std::uint64_t>(expected * shape.capacity_percent / 100 + spare, kMaxCapacity));
 }

@@ -14,7 +14,7 @@ Stamp first_call(const History& h, const Epoch& epoch) {
   return first;
 }
 
-std::string describe_from(const History& h, Stamp origin, const Operation& o) {
+std::string describe(const History& h, Stamp origin, const Operation& o) {
   const std::string ret = o.is_pending() ? "never" : fmt::format("{}", o.ret - origin);
   const std::string when = fmt::format("thread {} [{}, {}]", o.thread, o.call - origin, ret);
   if (o.is_query()) return fmt::format("{} query at place {}, saw {} records", when, o.where, o.count);
@@ -31,16 +31,11 @@ std::string reason(const Operation& a, const Operation& b, std::string_view next
 
 }  // namespace
 
-std::string describe(const History& history, const Epoch& epoch, const Operation& operation) {
-  return describe_from(history, first_call(history, epoch), operation);
-}
-
 std::string witness_text(const History& history, const Epoch& epoch, std::string_view what,
                          std::span<const std::uint32_t> operations) {
   const Stamp origin = first_call(history, epoch);
   std::string text(what);
-  for (const std::uint32_t i : operations)
-    text += "\n  " + describe_from(history, origin, history.operations[i]);
+  for (const std::uint32_t i : operations) text += "\n  " + describe(history, origin, history.operations[i]);
   return text;
 }
 
@@ -51,7 +46,7 @@ std::string cycle_text(const History& history, const Epoch& epoch, std::span<con
     const bool is_last = i + 1 == cycle.size();
     const Operation& o = history.operations[cycle[i]];
     const Operation& next = history.operations[cycle[is_last ? 0 : i + 1]];
-    text += fmt::format("\n  {}\n    {}", describe_from(history, origin, o),
+    text += fmt::format("\n  {}\n    {}", describe(history, origin, o),
                         reason(o, next, is_last ? "the first" : "the next"));
   }
   return text;

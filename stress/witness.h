@@ -1,4 +1,5 @@
-// Counterexamples in words: the operations of a violation with their threads and times.
+// Counterexamples in words: the operations of a violation with their threads and times. Stamps count from the
+// epoch's first call.
 #pragma once
 
 #include <span>
@@ -9,10 +10,8 @@
 
 namespace icbench::stress {
 
-/// "thread 3 [1041, 1077] insert of record 12, place 0, size 2". Stamps count from the epoch's first call.
-std::string describe(const History& history, const Epoch& epoch, const Operation& operation);
-
-/// A line that says what is wrong, then one line per operation.
+/// A line that says what is wrong, then one line per operation, such as
+/// "thread 3 [1041, 1077] insert of record 12, place 0, size 2".
 std::string witness_text(const History& history, const Epoch& epoch, std::string_view what,
                          std::span<const std::uint32_t> operations);
 

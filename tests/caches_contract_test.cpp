@@ -158,7 +158,12 @@ TYPED_TEST(Contract, RejectsBadRecordsAndCountsThem) {
   r = good;
   r.E.y = std::numeric_limits<float>::infinity();
   EXPECT_EQ(session.insert(r), InsertResult::rejected);
-  EXPECT_EQ(cache.counters().rejected, 5u);
+  r = good;
+  r.E.x = -1e-6f;
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  r.E.x = 2.0f * kMaxIrradiance;
+  EXPECT_EQ(session.insert(r), InsertResult::rejected);
+  EXPECT_EQ(cache.counters().rejected, 7u);
   EXPECT_TRUE(stored(cache).empty());
 }
 
@@ -321,6 +326,70 @@ TYPED_TEST(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
     cache.end_frame();
     cache.update_records([](Record&) { return UpdateResult::drop; });
     ASSERT_TRUE(stored(cache).empty());
+  }
+}
+
+TYPED_TEST(Contract, DroppedRecordsMakeRoomBetweenMergesToo) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  TypeParam cache(this->config(kCapacity));
+  auto session = cache.open_session(0);
+  for (int round = 0; round < 20; ++round) {
+    for (const Record& r : random_records(kCapacity, 65 + static_cast<std::uint64_t>(round))) {
+      ASSERT_EQ(session.insert(r), InsertResult::inserted) << "round " << round;
+    }
+    cache.update_records([](Record&) { return UpdateResult::drop; });
+  }
+}
+
+TYPED_TEST(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  // Small pools, tiny radii (a path of nodes for each record) and pieces of memory left over in every session: what was
+  // accepted must still fit wherever it is merged or moved to.
+  constexpr std::uint32_t kCapacity = 512;
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    Pcg32 rng(hash_keys(seed, 90));
+    TypeParam cache(this->config(kCapacity));
+    std::vector<typename TypeParam::Session> sessions;
+    for (std::uint32_t t = 0; t < TestFixture::kThreads; ++t) sessions.push_back(cache.open_session(t));
+    std::vector<std::uint32_t> expected;
+    std::uint32_t next_id = 0;
+    for (int step = 0; step < 12; ++step) {
+      for (std::uint32_t i = rng.below(kCapacity); i > 0; --i) {
+        const SurfacePoint x = random_surface_point(rng);
+        const float R = std::exp2(-30.0f * rng.uniform());
+        auto& session = sessions[rng.below(TestFixture::kThreads)];
+        if (session.insert(make_record(next_id, x.p, x.n, R)) == InsertResult::inserted)
+          expected.push_back(next_id);
+        ++next_id;
+      }
+      if (rng.below(2) == 0) cache.end_frame();
+      if (rng.below(3) == 0) {
+        const std::uint32_t modulus = 2 + rng.below(4);
+        cache.update_records(
+            [modulus](Record& r) { return r.id % modulus == 0 ? UpdateResult::keep : UpdateResult::drop; });
+        std::erase_if(expected, [modulus](std::uint32_t id) { return id % modulus != 0; });
+      }
+      ASSERT_EQ(stored(cache), expected) << "seed " << seed << ", step " << step;
+    }
+  }
+}
+
+TYPED_TEST(Contract, SeesARecordAtItsOwnPointAtTheFinestAccuracy) {
+  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+  CacheConfig config = this->config();
+  config.a = config.a_max = kMinAccuracy;
+  TypeParam cache(config);
+  auto session = cache.open_session(0);
+  Pcg32 rng(95);
+  for (std::uint32_t i = 0; i < 5000; ++i) {
+    const glm::vec3 v(rng.uniform() - 0.5f, rng.uniform() - 0.5f, rng.uniform() - 0.5f);
+    // Lengths at the edge of what is_unit lets through.
+    const glm::vec3 n = glm::normalize(v) * (1.0f + 0.8e-6f * (rng.uniform() - 0.5f));
+    const Record r = make_record(i, {rng.uniform(), rng.uniform(), rng.uniform()}, n, 0.1f);
+    if (session.insert(r) != InsertResult::inserted) continue;
+    const auto ids = seen(session, {r.p, r.n});
+    ASSERT_TRUE(std::binary_search(ids.begin(), ids.end(), i));
   }
 }
 

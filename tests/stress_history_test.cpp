@@ -49,6 +49,9 @@ class StressCaches : public ::testing::TestWithParam<std::size_t> {
       const RoundRecord round = delayed ? subject().run_delayed(plan) : subject().run(plan);
       const Judgement judgement = judge(round.history);
       EXPECT_GT(judgement.operations, 0u);
+      if (shape.capacity_percent > 100 && subject().traits.consistency != Consistency::none) {
+        for (const Operation& o : round.history.operations) ASSERT_FALSE(o.is_refused()) << shape.name;
+      }
       for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
         if (!promises(subject().traits.consistency, static_cast<Check>(i))) continue;
         EXPECT_EQ(judgement.findings[i].violations, 0u) << kCheckNames[i] << ", " << shape.name << "\n"

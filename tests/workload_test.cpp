@@ -162,7 +162,7 @@ TEST(Plan, ExpectedHitsAreThoseOfAllRecords) {
       return split_sphere_weight(plan.points()[point], r, plan.spec().a) > 0.0f;
     });
   }
-  EXPECT_EQ(plan.expected_hits(streams), hits);
+  EXPECT_EQ(plan.expected_answers(streams).hits, hits);
   EXPECT_GT(hits, 0u);
   EXPECT_LT(hits, 3000u) << "the test needs misses too";
 }

@@ -1,8 +1,9 @@
 // What a lock around the cache costs when threads are many and records cheap.
+#include "caches/registry.h"
 #include "harness/thread_team.h"
 #include "rows/rows.h"
 #include "scene/registry.h"
-#include "workload/dispatch.h"
+#include "workload/synthetic_trial.h"
 
 namespace icbench {
 namespace {
@@ -19,15 +20,16 @@ class MissDrivenOverMutex : public Experiment {
     const TrialSetup setup{team_, machine_.work, machine_.seed + count_, 0};
     const bool mutex_first = (count_++ & 1u) != 0;
     double mutex = 0.0, wait_free = 0.0;
-    if (mutex_first) mutex = throughput("global_mutex", setup);
-    wait_free = throughput("wait_free", setup);
-    if (!mutex_first) mutex = throughput("global_mutex", setup);
+    if (mutex_first) mutex = throughput<GlobalMutexCache>(setup);
+    wait_free = throughput<WaitFree>(setup);
+    if (!mutex_first) mutex = throughput<GlobalMutexCache>(setup);
     return {wait_free / mutex};
   }
 
  private:
-  double throughput(std::string_view cache, const TrialSetup& setup) {
-    const TrialOutcome o = find_cache(cache).synthetic(plan_, setup);
+  template <template <class> class Cache>
+  double throughput(const TrialSetup& setup) {
+    const TrialOutcome o = run_synthetic_trial<Cache, NoCounters>(plan_, setup);
     if (!o.error.empty()) throw std::runtime_error(o.error);
     return static_cast<double>(plan_.spec().operations) / o.wall_ns;
   }

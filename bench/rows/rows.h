@@ -24,7 +24,7 @@ inline constexpr std::array kRows{
         "miss-driven throughput at 1 us a record, 4 threads a unit: wait_free / global_mutex",
         Relation::at_least, 1.6, miss_driven_over_mutex},
     Row{"gather_over_bare_rays",
-        "rays a second of the hemisphere gather / of a bare Embree loop over the same rays",
+        "rays a second of the hemisphere gather / of a bare loop of single Embree rays over the same rays",
         Relation::at_least, 0.7, gather_over_bare_rays},
     Row{"cached_mean_at_least",
         "mean of cached Cornell box / of the path-traced one, indirect light at equal hits",

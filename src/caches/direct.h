@@ -46,8 +46,7 @@ class Direct {
       sessions_.for_each([](State& s) { s.workspace = {}; });
       return sessions_[0].workspace;
     };
-    const std::uint64_t live =
-        keep_room(structure_, config_.capacity, fresh_workspace, sessions_[0].counters);
+    const std::uint64_t live = keep_room(structure_, config_.capacity, fresh_workspace);
     sessions_.for_each([](State& s) { s.purse = {}; });
     tickets_.restart(live);
   }

@@ -9,6 +9,7 @@
 // ticket, which reserves the room in the shared structure: what was accepted is never lost in the merge.
 #pragma once
 
+#include <cstdlib>
 #include <memory>
 
 #include "caches/session.h"
@@ -21,6 +22,7 @@ class LocalWrite {
     std::unique_ptr<LocalStructure> local;  // made by open_session
     typename LocalStructure::Workspace local_workspace;
     typename SharedStructure::Workspace merge_workspace;
+    std::size_t most_local_bytes = 0;  // emptied memory stays with the process
     TicketOffice<StdSync>::Purse purse;
     [[no_unique_address]] Counters counters;
   };
@@ -57,8 +59,10 @@ class LocalWrite {
     parallel_chunks(sessions_.size(), 1, [this](std::size_t i, std::size_t) {
       State& s = sessions_[static_cast<std::uint32_t>(i)];
       if (s.local == nullptr) return;
-      // Room was reserved by the tickets, so an insert cannot fail.
-      s.local->for_each([&](const Record& r) { shared_.insert(s.merge_workspace, r, s.counters); });
+      s.local->for_each([&](const Record& r) {
+        // The ticket of every record reserved its room, so this cannot fail; a lost record would break a promise.
+        if (!shared_.insert(s.merge_workspace, r, s.counters)) std::abort();
+      });
       empty_local(s);
     });
   }
@@ -80,12 +84,13 @@ class LocalWrite {
       sessions_.for_each([](State& s) { s.merge_workspace = {}; });
       return sessions_[0].merge_workspace;
     };
-    std::uint64_t live = keep_room(shared_, config_.capacity, fresh_workspace, sessions_[0].counters);
+    std::uint64_t live = keep_room(shared_, config_.capacity, fresh_workspace);
     sessions_.for_each([&](State& s) {
       s.purse = {};
       if (s.local == nullptr) return;
       s.local->update(f);
-      s.local->for_each([&](const Record&) { ++live; });
+      live += keep_room(
+          *s.local, local_config_.capacity, [&s]() -> auto& { return s.local_workspace = {}; });
     });
     tickets_.restart(live);
   }
@@ -101,7 +106,8 @@ class LocalWrite {
   std::size_t memory_bytes() const {
     std::size_t bytes = sessions_.bytes();
     sessions_.for_each([&](const State& s) {
-      bytes += LocalStructure::bytes(s.local_workspace) + SharedStructure::bytes(s.merge_workspace);
+      bytes += std::max(s.most_local_bytes, LocalStructure::bytes(s.local_workspace)) +
+               SharedStructure::bytes(s.merge_workspace);
     });
     return bytes;
   }
@@ -130,6 +136,7 @@ class LocalWrite {
 
   static void empty_local(State& s) {
     if (s.local != nullptr) s.local->clear();
+    s.most_local_bytes = std::max(s.most_local_bytes, LocalStructure::bytes(s.local_workspace));
     s.local_workspace = {};
   }
 

@@ -39,6 +39,7 @@ class Locked {
 
   void clear() {
     structure_.clear();
+    prefaulted_ = 0;
     workspace_ = {};
     purse_ = {};
     tickets_.restart(0);
@@ -49,7 +50,7 @@ class Locked {
     structure_.update(f);
     const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
     purse_ = {};
-    tickets_.restart(keep_room(structure_, config_.capacity, fresh_workspace, sessions_[0].counters));
+    tickets_.restart(keep_room(structure_, config_.capacity, fresh_workspace));
   }
 
   template <class F>
@@ -76,9 +77,11 @@ class Locked {
     return tickets_.insert(purse_, [&] { return structure_.insert(workspace_, r, s.counters); });
   }
 
+  // All sessions share one workspace, so each touches what lies behind the others' share.
   void prefault(State& s, std::uint32_t n) noexcept {
     typename Policy::Write scope(mutex_, s.counters);
-    structure_.prefault(workspace_, n);
+    structure_.touch(prefaulted_, n);
+    prefaulted_ += n;
   }
 
   CacheConfig config_;
@@ -88,6 +91,7 @@ class Locked {
   alignas(kNoSharing) TicketOffice<PlainSync> tickets_;
   TicketOffice<PlainSync>::Purse purse_;
   typename Structure::Workspace workspace_;
+  std::uint32_t prefaulted_ = 0;  // records that sessions have touched memory for
   Structure structure_;
 };
 

@@ -121,12 +121,10 @@ class SessionTable {
 /// batches.
 ///
 /// At most `capacity` tickets are out. An insert is refused only when every ticket has been drawn; up to
-/// kBatch - 1 of those may lie unused in each other session.
+/// kTicketBatch - 1 of those may lie unused in each other session.
 template <class Sync>
 class TicketOffice {
  public:
-  static constexpr std::uint32_t kBatch = 64;
-
   /// One session's tickets in hand.
   struct Purse {
     std::uint32_t tickets = 0;
@@ -156,9 +154,9 @@ class TicketOffice {
       // Relaxed: the count alone matters, nothing is published by it. The load bounds the overshoot of the
       // counter to one batch a session.
       if (drawn_.load(std::memory_order_relaxed) >= capacity_) return false;
-      const std::uint64_t first = drawn_.fetch_add(kBatch, std::memory_order_relaxed);
+      const std::uint64_t first = drawn_.fetch_add(kTicketBatch, std::memory_order_relaxed);
       if (first >= capacity_) return false;
-      purse.tickets = static_cast<std::uint32_t>(std::min<std::uint64_t>(kBatch, capacity_ - first));
+      purse.tickets = static_cast<std::uint32_t>(std::min<std::uint64_t>(kTicketBatch, capacity_ - first));
     }
     --purse.tickets;
     return true;
@@ -178,17 +176,20 @@ inline const CacheConfig& checked(const CacheConfig& config) {
 /// and if the nodes that dropped ones left behind take the room of those to come, builds the structure anew.
 /// `fresh_workspace` empties all workspaces on the structure and returns one of them. Quiescent; returns the
 /// count.
-template <class Structure, class FreshWorkspace, class Counters>
-std::uint64_t keep_room(Structure& structure, std::uint32_t capacity, FreshWorkspace&& fresh_workspace,
-                        Counters& counters) {
-  std::vector<Record> live;
-  structure.for_each([&](const Record& r) { live.push_back(r); });
-  if (live.size() + structure.room() < capacity) {
-    structure.clear();
-    auto& workspace = fresh_workspace();
-    for (const Record& r : live) structure.insert(workspace, r, counters);
-  }
-  return live.size();
+template <class Structure, class FreshWorkspace>
+std::uint64_t keep_room(Structure& structure, std::uint32_t capacity, FreshWorkspace&& fresh_workspace) {
+  std::uint64_t live = 0;
+  structure.for_each([&](const Record&) { ++live; });
+  if (live + structure.room() >= capacity) return live;
+  std::vector<Record> records;
+  records.reserve(live);
+  structure.for_each([&](const Record& r) { records.push_back(r); });
+  structure.clear();
+  auto& workspace = fresh_workspace();
+  NoCounters uncounted;
+  for (const Record& r : records)
+    structure.insert(workspace, r, uncounted);  // an empty pool has room for all
+  return live;
 }
 
 /// Concatenates names at compile time: `kJoined<kPrefix, kSuffix>` is a string_view of both.

@@ -51,6 +51,7 @@ nlohmann::ordered_json figures(const RenderOptions& o, const PictureRequest& r, 
     j["records"] = p.records;
     j["queries"] = p.counts.queries;
     j["hits"] = p.counts.hits;
+    j["full"] = p.counts.full;
   }
   j["image"] = std::filesystem::path(o.out).filename().string();
   return j;

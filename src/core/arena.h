@@ -4,7 +4,7 @@
 // thread that uses them (first-touch NUMA placement). A Cursor is one session's view: it takes pieces of the
 // arena by one fetch_add and allocates from its piece without sharing anything.
 //
-// Progress: take and allocate are wait-free, one fetch_add at most. No lock, no malloc.
+// Progress: take is wait-free, one load and one fetch_add; allocate is two of these at most. No lock, no malloc.
 #pragma once
 
 #include <sys/mman.h>
@@ -65,9 +65,10 @@ class Arena {
     next_.store(end_unit, std::memory_order_relaxed);  // relaxed: quiescent
   }
 
-  /// Touches the pages of the next `n` units without taking them. Quiescent.
-  void touch(std::uint32_t n) noexcept {
-    std::memset(at(end()), 0, bytes(std::min<std::uint64_t>(n, left())));
+  /// Touches the pages of `n` units that start `offset` behind the next one, without taking them. Quiescent.
+  void touch(std::uint64_t offset, std::uint64_t n) noexcept {
+    const std::uint64_t first = std::min(end() + offset, units_);
+    std::memset(base_ + bytes(first), 0, bytes(std::min(n, units_ - first)));
   }
 
   /// Zeroes everything that was taken and starts afresh. Quiescent, parallel.

@@ -55,11 +55,13 @@ struct CacheConfig {
   Bounds bounds{};  ///< records and queries outside are refused
   float a_max =
       0.5f;        ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
-  float a = 0.5f;  ///< accuracy of queries, 0 < a <= a_max; smaller is finer
+  float a = 0.5f;  ///< accuracy of queries, kMinAccuracy <= a <= a_max; smaller is finer
   std::uint32_t capacity = 1 << 20;  ///< records that fit for certain
   std::uint32_t max_sessions = 1;    ///< threads that will open a session
-  Interpolation interpolation = Interpolation::split_sphere;
 };
+
+/// Tickets for records are drawn by sessions in batches of this size (caches/session.h).
+inline constexpr std::uint32_t kTicketBatch = 64;
 
 /// Most sessions a cache can serve.
 inline constexpr std::uint32_t kMaxSessions = 8192;
@@ -67,12 +69,18 @@ inline constexpr std::uint32_t kMaxSessions = 8192;
 /// Most records a cache can promise room for: pool indices are 32 bits.
 inline constexpr std::uint32_t kMaxCapacity = 1u << 26;
 
+/// A capacity that holds `records` for certain, although every session may be left with tickets it does not use.
+inline std::uint32_t capacity_for(std::uint64_t records, std::uint32_t sessions) noexcept {
+  const std::uint64_t wanted = records + std::uint64_t{sessions} * kTicketBatch;
+  return wanted < kMaxCapacity ? static_cast<std::uint32_t>(wanted) : kMaxCapacity;
+}
+
 /// One clear line if the configuration cannot be used, else nullptr.
 inline const char* config_error(const CacheConfig& c) noexcept {
   if (!is_finite(c.bounds.lower) || !is_finite(c.bounds.upper)) return "cache bounds must be finite";
   if (!c.bounds.contains(c.bounds.lower)) return "cache bounds: lower must not exceed upper in any axis";
   if (!is_finite(c.bounds.upper - c.bounds.lower)) return "cache bounds are too large for single precision";
-  if (!(c.a > 0.0f) || !(c.a <= c.a_max)) return "cache accuracy a must lie in (0, a_max]";
+  if (!(c.a >= kMinAccuracy) || !(c.a <= c.a_max)) return "cache accuracy a must lie in [0.002, a_max]";
   if (!(c.a_max <= 10.0f)) return "cache accuracy a_max must not exceed 10";
   if (c.capacity == 0 || c.capacity > kMaxCapacity) return "cache capacity must lie in [1, 67108864] records";
   if (c.max_sessions == 0 || c.max_sessions > kMaxSessions) return "cache max_sessions must lie in [1, 8192]";

@@ -4,14 +4,20 @@
 // Split-sphere weight (Ward, Rubinstein, Clear 1988, eq. 4):  w_i = 1 / (|p - p_i| / R_i + sqrt(1 - n.n_i)),
 // usable where w_i > 1/a, that is where the error term below is less than a. E(p) = sum w_i E_i / sum w_i.
 //
-// Hard cases:
-//   p = p_i, n = n_i   the error term is 0; the weight is 1 / kMinError, not infinite.
+// Hard cases
+//
+//   p = p_i, n = n_i   the error term is rounding noise, at most 1.4e-3 for normals that pass is_unit; it is raised to
+//                      kMinError before it is inverted, and accuracies start at kMinAccuracy, above the noise, so that
+//                      a record is always valid where it was made.
+//
 //   n.n_i > 1          happens by rounding for a quarter of unit normals; clamped before the root.
-//   coplanar records   (p - p_i).(n + n_i)/2 is 0 up to rounding; the in-front test tolerates
-//   kInFrontTolerance R_i.
-//                      Rounding of p - p_i is at most 2e-7 of the largest coordinate, so no coplanar record
-//                      is lost while R_i >= 2e-5 of that coordinate; RadiusLimits keeps it so.
-//   huge and tiny E    w is in [1/a, 1e4], so w E stays finite up to E = 1e34.
+//
+//   coplanar records   (p - p_i).(n + n_i)/2 is 0 up to rounding; the in-front test tolerates kInFrontTolerance R_i.
+//                      Rounding of p - p_i is at most 2e-7 of the largest coordinate, so no coplanar record is lost
+//                      while R_i >= 2e-5 of that coordinate; RadiusLimits keeps it so.
+//
+//   huge and tiny E    w is at most 1/kMinError = 10^3 and E at most kMaxIrradiance = 1e30, so sums over 10^5 valid
+//                      records stay finite.
 #pragma once
 
 #include <algorithm>
@@ -22,13 +28,11 @@
 
 namespace icbench {
 
-/// Interpolation mode of a cache, fixed at construction.
-enum class Interpolation : std::uint8_t {
-  split_sphere  ///< Ward et al. 1988
-};
+/// Below this the split-sphere error term is rounding noise: sqrt(1 - n.n_i) of equal normalised normals reaches 6e-4.
+inline constexpr float kMinError = 1e-3f;
 
-/// Below this the split-sphere error term is rounding noise: sqrt(1 - n.n_i) of equal normals reaches 3.5e-4.
-inline constexpr float kMinError = 1e-4f;
+/// Finest accuracy a cache can be asked for: above the noise of normals that just pass is_unit, sqrt(2e-6).
+inline constexpr float kMinAccuracy = 2e-3f;
 
 /// Share of R_i that the query point may lie in front of a record and still count as coplanar.
 inline constexpr float kInFrontTolerance = 0.01f;

@@ -49,7 +49,10 @@ inline std::string unknown_name(std::string_view kind, std::string_view word,
     line += "did you mean '" + std::string(guess) + "'? ";
   }
   line += "known:";
-  for (const std::string_view name : names) line += " " + std::string(name);
+  for (const std::string_view name : names) {
+    line += name == names.front() ? " " : ", ";
+    line += name;
+  }
   return line;
 }
 

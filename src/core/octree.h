@@ -59,7 +59,9 @@ class OctreeAddressing {
   }
 
  private:
-  static constexpr float kSmallestSide = 1e-30f;  // keeps scale_ finite when the bounds are a point
+  // Bounds smaller than this, a single point among them, are addressed as if they were this large: scale_ stays finite,
+  // and distances whose squares would underflow lie within one cell.
+  static constexpr float kSmallestSide = 1e-9f;
 
   std::int32_t quantise(float offset) const noexcept {
     const auto u = static_cast<std::int32_t>(offset * scale_);

@@ -9,10 +9,27 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <functional>
+#include <system_error>
 #include <thread>
 #include <vector>
 
 namespace icbench {
+
+/// Starts one more helper; false if the system has no more threads to give.
+template <class Work>
+bool start(std::vector<std::jthread>& helpers, Work& work) {
+#if defined(__cpp_exceptions)
+  try {
+    helpers.emplace_back(std::ref(work));
+  } catch (const std::system_error&) {
+    return false;
+  }
+#else
+  helpers.emplace_back(std::ref(work));
+#endif
+  return true;
+}
 
 /// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the
 /// process may run on. f is called from several threads at once and must not throw.
@@ -30,7 +47,8 @@ void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   const std::size_t workers =
       std::min<std::size_t>(n / grain, std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::jthread> helpers;
-  for (std::size_t i = 1; i < workers; ++i) helpers.emplace_back(work);
+  for (std::size_t i = 1; i < workers && start(helpers, work); ++i) {
+  }
   work();
 }
 

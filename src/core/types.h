@@ -60,18 +60,28 @@ inline bool is_finite(const glm::vec3& v) noexcept {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// |n|^2 within 0.2 % of 1: float normalisation errs by less than 1e-6, so anything further off is a caller's
-/// mistake. False for NaN.
-inline bool is_unit(const glm::vec3& n) noexcept { return std::abs(glm::dot(n, n) - 1.0f) <= 2e-3f; }
+/// |n|^2 within 2e-6 of 1: float normalisation errs by less than 1e-6, and validity at a record's own point rests on
+/// it (core/interpolation.h). Normalise what comes from files or half precision. False for NaN.
+inline bool is_unit(const glm::vec3& n) noexcept { return std::abs(glm::dot(n, n) - 1.0f) <= 2e-6f; }
+
+/// Largest irradiance a record may bring, W/m^2: weighted sums of thousands of such records stay finite.
+inline constexpr float kMaxIrradiance = 1e30f;
+
+/// In [0, kMaxIrradiance] in every channel; false for NaN.
+inline bool is_irradiance(const Irradiance& E) noexcept {
+  return E.x >= 0.0f && E.y >= 0.0f && E.z >= 0.0f && E.x <= kMaxIrradiance && E.y <= kMaxIrradiance &&
+         E.z <= kMaxIrradiance;
+}
 
 /// A query outside these terms is a miss (and counted as invalid).
 inline bool is_askable(const SurfacePoint& x, const Bounds& bounds) noexcept {
   return bounds.contains(x.p) && is_unit(x.n);
 }
 
-/// A record outside these terms is rejected: finite, unit normal, positive radius, inside the bounds.
+/// A record outside these terms is rejected: finite, unit normal, positive radius, no negative irradiance, inside the
+/// bounds.
 inline bool is_storable(const Record& r, const Bounds& bounds) noexcept {
-  return bounds.contains(r.p) && is_unit(r.n) && r.R > 0.0f && std::isfinite(r.R) && is_finite(r.E);
+  return bounds.contains(r.p) && is_unit(r.n) && r.R > 0.0f && std::isfinite(r.R) && is_irradiance(r.E);
 }
 
 }  // namespace icbench

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "caches/session.h"
+#include "core/cache.h"
 #include "render/path.h"
 #include "workload/picture.h"
 #include "workload/ray_traced_plan.h"
@@ -26,8 +26,7 @@ PictureOutcome render_cached_picture(const PictureRequest& r) {
   config.bounds = scene.bounds;
   config.a_max = config.a = r.a;
   config.max_sessions = threads;
-  config.capacity = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-      2 * pixels + std::uint64_t{threads} * TicketOffice<StdSync>::kBatch, kMaxCapacity));
+  config.capacity = capacity_for(2 * pixels, threads);
   Cache cache(config);
 
   struct alignas(kNoSharing) Worker {
@@ -65,7 +64,7 @@ PictureOutcome render_cached_picture(const PictureRequest& r) {
         r.progress(1.0);
       }
     });
-    const double indirect_ns = static_cast<double>(second.wall_ns()) + timed_end_frame(cache);
+    const double indirect_ns = static_cast<double>(second.wall_ns()) + timed_end_frame(cache).wall_ns;
     out.seconds += 1e-9 * (static_cast<double>(first.wall_ns()) + indirect_ns);
     out.seconds_indirect += 1e-9 * indirect_ns;
     for (std::size_t i = 0; i < pixels; ++i) {

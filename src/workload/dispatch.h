@@ -16,7 +16,7 @@
 
 namespace icbench {
 
-template <template <class> class CacheTemplate>
+template <template <class> class CacheTemplate, class Counters = WithCounters>
 TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& setup);
 
 template <template <class> class CacheTemplate>

@@ -11,8 +11,7 @@
 namespace icbench {
 namespace {
 
-constexpr int kTile = 16;            // pixels
-constexpr std::uint32_t kBatch = 8;  // reference samples per pixel between two looks at the tile queue
+constexpr int kTile = 16;  // pixels
 
 /// Calls f(tile, tracer) for all tiles, on all processors.
 template <class F>
@@ -83,9 +82,7 @@ CacheConfig RayTracedPlan::config(unsigned threads) const {
   config.a_max = spec_.a;
   config.a = spec_.a;
   config.max_sessions = threads;
-  // At worst every pixel is a record, and every session holds tickets that it does not use.
-  config.capacity = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-      primary_->hits.size() + std::uint64_t{threads} * TicketOffice<StdSync>::kBatch, kMaxCapacity));
+  config.capacity = capacity_for(primary_->hits.size(), threads);  // at worst every pixel is a record
   return config;
 }
 

@@ -53,8 +53,8 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   setup.team.run([&](unsigned t) {
     auto session = cache.open_session(t);
     session.prefault(static_cast<std::uint32_t>(pixels / 8 / threads + 1));
-    workers[t] =
-        std::make_unique<Worker>(session, accepted, plan.rays(), setup.latency_every, hash_keys(t, 7));
+    workers[t] = std::make_unique<Worker>(session, accepted, plan.rays(), setup.latency_every,
+                                          hash_keys(setup.seed, t, 7));
   });
 
   cache.reset_counters();
@@ -68,9 +68,10 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
       irradiance_cache_tile(w.timed, w.tracer, plan.primary(), params, *tile, indirect, w.use);
     }
   });
-  const double merge_ns = timed_end_frame(cache);
+  const FrameEnd frame_end = timed_end_frame(cache);
 
-  TrialOutcome out = outcome_of(cache, times, merge_ns);
+  TrialOutcome out = outcome_of(cache, times, frame_end);
+  out.operations = out.counts.queries + out.counts.inserted + out.counts.full + out.counts.rejected;
   std::uint64_t inserts = 0;
   for (const auto& w : workers) {
     inserts += w->use.inserts;

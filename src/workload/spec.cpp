@@ -95,7 +95,7 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     known.push_back(
         named(text, "integrator", &WorkloadSpec::path, {{"irradiance_cache", false}, {"path", true}}));
     add_number("rays", 1, 1 << 20, true, &WorkloadSpec::rays);
-    add_number("a", 0.001, 1, false, &WorkloadSpec::a);
+    add_number("a", kMinAccuracy, 1, false, &WorkloadSpec::a);
     add_number("spp", 1, 1 << 20, true, &WorkloadSpec::spp);
     const auto set_size = [text](WorkloadSpec& spec, std::string_view value) {
       const std::size_t x = value.find('x');
@@ -125,7 +125,7 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
   if (s.kind != WorkloadKind::insert_only) {
     add_number("operations", 1, 1 << 28, true, &WorkloadSpec::operations);
   }
-  add_number("a", 0.001, 1, false, &WorkloadSpec::a);
+  add_number("a", kMinAccuracy, 1, false, &WorkloadSpec::a);
   std::vector<std::pair<std::string_view, std::string>> scenes;
   for (const SceneEntry& e : kScenes) scenes.emplace_back(e.name, e.name);
   known.push_back(named(text, "scene", &WorkloadSpec::scene, std::move(scenes)));
@@ -205,7 +205,7 @@ WorkloadSpec parse_workload(std::string_view text) {
     if (given[i]) spec.name += fmt::format(":{}={}", known[i].key, known[i].get(spec));
   }
   // Every session may hold a batch of tickets that it does not use.
-  constexpr std::uint64_t kMost = kMaxCapacity - std::uint64_t{kMaxSessions} * TicketOffice<StdSync>::kBatch;
+  constexpr std::uint64_t kMost = kMaxCapacity - std::uint64_t{kMaxSessions} * kTicketBatch;
   if (const std::uint64_t n = std::uint64_t{spec.prefilled()} + spec.inserts(); n > kMost) {
     fail(text,
          fmt::format("it stores {} records, a cache at most {}; lower operations or records", n, kMost));

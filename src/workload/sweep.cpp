@@ -181,6 +181,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
   const double units = static_cast<double>(std::min<std::size_t>(point.threads, topology_.units().size()));
   c["utilisation"] = std::min(1.0, o.cpu_ns / (o.wall_ns * units));
   c["merge_ms"] = 1e-6 * o.merge_ns;
+  c["start_skew_ms"] = 1e-6 * o.start_skew_ns;
 
   if (point.cache != nullptr) {
     c["queries"] = o.counts.queries;

@@ -44,16 +44,23 @@ SyntheticPlan::SyntheticPlan(const WorkloadSpec& spec, PlanPoints given, std::ui
     records_.push_back({x.p, x.n, sites.radii[i], smooth_irradiance(x.p), i});
   }
   scale_radii();
-  if (spec.kind != WorkloadKind::read_only) return;
   Sequential<> oracle(config(1));
   auto session = oracle.open_session(0);
-  for (const Record& r : records_) session.insert(r);
-  for (const SurfacePoint& x : points()) hits_.push_back(session.query(x).has_value());
+  for (std::uint32_t i = 0; i < prefilled_; ++i) session.insert(records_[i]);
+  for (const SurfacePoint& x : points()) {
+    const auto E = session.query(x);
+    answers_.push_back(E ? E->x : -1.0f);
+  }
 }
 
-std::uint64_t SyntheticPlan::expected_hits(const Streams& streams) const {
-  return static_cast<std::uint64_t>(std::count_if(streams.operations.begin(), streams.operations.end(),
-                                                  [&](std::uint32_t i) { return hits_[i]; }));
+SyntheticPlan::Answers SyntheticPlan::expected_answers(const Streams& streams) const {
+  Answers out;
+  for (const std::uint32_t operation : streams.operations) {
+    if ((operation & Streams::kInsert) != 0 || answers_[operation] < 0.0f) continue;
+    ++out.hits;
+    out.sum += answers_[operation];
+  }
+  return out;
 }
 
 void SyntheticPlan::add_hot_spot(std::uint64_t seed) {
@@ -149,11 +156,7 @@ CacheConfig SyntheticPlan::config(unsigned threads) const {
   config.a_max = spec_.a;
   config.a = spec_.a;
   config.max_sessions = threads;
-  // Tickets are drawn in batches, so every session may hold some that it does not use.
-  constexpr std::uint32_t kBatch = TicketOffice<StdSync>::kBatch;
-  const std::uint64_t most = records_.empty() ? spec_.operations : records_.size();
-  config.capacity = static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(most + std::uint64_t{threads} * kBatch, kMaxCapacity));
+  config.capacity = capacity_for(records_.empty() ? spec_.operations : records_.size(), threads);
   return config;
 }
 

@@ -61,8 +61,12 @@ class SyntheticPlan {
   /// Configuration of a cache for `threads` threads, with room for every record that may come.
   CacheConfig config(unsigned threads) const;
 
-  /// How many of the queries of a read-only stream find a record, by the oracle of a single thread.
-  std::uint64_t expected_hits(const Streams& streams) const;
+  /// What queries would answer if only the records stored beforehand were there, by a single thread.
+  struct Answers {
+    std::uint64_t hits = 0;
+    double sum = 0.0;  ///< of the red channel
+  };
+  Answers expected_answers(const Streams& streams) const;
 
   /// Records that a single thread leaves behind when it runs the streams of `seed`: what is more is
   /// redundant. 0 for workloads whose inserts do not depend on misses.
@@ -78,10 +82,13 @@ class SyntheticPlan {
   std::vector<std::uint32_t> hot_;        // hot_spot order: indices of the points in the spot
   std::vector<Record> records_;
   std::uint32_t prefilled_ = 0;
-  std::vector<bool> hits_;  // read_only: whether a query at each point finds a record
+  std::vector<float> answers_;  // at each point, by the records stored beforehand; negative: a miss
 };
 
-/// A made-up irradiance that varies smoothly over space, all positive, W/m^2.
+/// Range of smooth_irradiance.
+inline constexpr float kLeastIrradiance = 1.0f, kMostIrradiance = 3.0f;
+
+/// A made-up irradiance that varies smoothly over space, W/m^2.
 Irradiance smooth_irradiance(const glm::vec3& p) noexcept;
 
 }  // namespace icbench

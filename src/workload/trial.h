@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <ctime>
 #include <optional>
 #include <string>
 
@@ -30,6 +31,7 @@ struct TrialOutcome {
 
   double wall_ns = 0.0;          ///< from the first thread's begin to the end of end_frame
   double merge_ns = 0.0;         ///< of that, end_frame
+  double start_skew_ns = 0.0;    ///< from the first thread's begin to the last one's
   double cpu_ns = 0.0;           ///< processor time of the team
   std::uint64_t operations = 0;  ///< queries and inserts
   Counts counts;
@@ -96,23 +98,32 @@ class TimedSession {
   LatencySampler sampler_;
 };
 
-/// Ends the frame and tells how long that took: merging is part of a trial.
+/// Time of one end_frame: merging is part of a trial.
+struct FrameEnd {
+  double wall_ns = 0.0;
+  double cpu_ns = 0.0;  ///< of all threads that merged
+};
+
+/// Ends the frame.
 template <class Cache>
-double timed_end_frame(Cache& cache) {
+FrameEnd timed_end_frame(Cache& cache) {
+  const std::clock_t cpu = std::clock();
   const auto start = std::chrono::steady_clock::now();
   cache.end_frame();
-  return std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - start).count();
+  const auto end = std::chrono::steady_clock::now();
+  return {std::chrono::duration<double, std::nano>(end - start).count(),
+          1e9 * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
 }
 
 /// What every kind of trial reports of its cache and its team.
 template <class Cache>
-TrialOutcome outcome_of(const Cache& cache, const TeamTimes& times, double merge_ns) {
+TrialOutcome outcome_of(const Cache& cache, const TeamTimes& times, const FrameEnd& end) {
   TrialOutcome out;
-  out.merge_ns = merge_ns;
-  out.wall_ns = static_cast<double>(times.wall_ns()) + merge_ns;
-  out.cpu_ns = static_cast<double>(times.cpu_ns()) + merge_ns;
+  out.merge_ns = end.wall_ns;
+  out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
+  out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
+  out.start_skew_ns = static_cast<double>(times.start_skew_ns());
   out.counts = cache.counters();
-  out.operations = out.counts.queries + out.counts.inserted + out.counts.full + out.counts.rejected;
   cache.for_each_record([&](const Record&) { ++out.records; });
   out.bytes = cache.memory_bytes();
   return out;

@@ -1,0 +1,280 @@
+// An append-only list of records that any number of threads extend and read at once: what a node of a tree keeps.
+//
+// A slot's place is fixed by one fetch_add on the list's count; nothing is retried. Slots lie in segments that are
+// installed when first needed: six chunks of 4, 8, ... 128 slots, then directories of height 1, 2 and 3 over blocks of
+// 256 slots. So a list of one record is small, a list of 10^8 is reached in twelve steps, and who loses the race to
+// install a segment sets aside 12 KiB at most, whatever the length of the list.
+//
+// Publication pairs
+//
+//   P1  publish: slot state store release  -> visit: slot state load acquire; publishes the record
+//
+//   P3  install: link CAS release          -> follow, visit: link load acquire; publishes the segment, and with it the
+//                                             zeroing of its memory by a reset in another thread
+//
+// Progress: append is wait-free; at most 12 links are followed, each by one load and, if it is empty, one allocation
+// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add and the store that publishes, 12 * 6 + 3
+// steps. visit is wait-free: the count is read once; one load a slot below it, one a segment.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <new>
+#include <utility>
+
+#include "core/arena.h"
+#include "core/counters.h"
+#include "core/types.h"
+
+namespace icbench {
+
+/// Puts `fresh` into an empty `word` unless another thread was faster; returns the winner. One CAS. The loser's unit
+/// becomes `spare`. `failure` orders what the winner published.
+template <class Atomic, class Counters>
+UnitIndex install(Atomic& word, UnitIndex fresh, UnitIndex& spare, Counters& counters) noexcept {
+  UnitIndex winner = 0;
+  counters.template add<&Counts::cas_attempts>(1);
+  if (word.compare_exchange_strong(winner, fresh, std::memory_order_release /* P2, P3 */,
+                                   std::memory_order_acquire /* P2, P3 */)) {
+    return fresh;
+  }
+  counters.template add<&Counts::cas_failures>(1);
+  counters.template add<&Counts::nodes_discarded>(1);
+  spare = fresh;
+  return winner;
+}
+
+/// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists.
+template <class Sync, class PoolSync>
+class SlotPool {
+  template <class T>
+  using Atomic = typename Sync::template Atomic<T>;
+
+  static constexpr std::size_t kUnitBytes = 16;
+  static constexpr int kChunks = 6;              // chunk k has 4 * 2^k slots
+  static constexpr int kHeights = 3;             // directories after the chunks
+  static constexpr int kBlock = kChunks;         // kind of segment: a block is the chunk that would come next
+  static constexpr int kDirectory = kBlock + 1;  // kind of segment
+  static constexpr int kKinds = kDirectory + 1;
+  static constexpr std::uint32_t kFirst = 4;
+  static constexpr std::uint32_t kInChunks = kFirst * ((1u << kChunks) - 1);
+  static constexpr unsigned kFanBits = 8;  // a directory has 2^8 entries, a block 2^8 slots
+  static constexpr std::uint32_t kMaxCount = 1u << 31;
+  static_assert(kFirst << kChunks == 1u << kFanBits, "a block is the chunk that follows the last one");
+
+  struct Slot {
+    Record record;
+    Atomic<std::uint32_t> state;  // 0 empty, 1 published
+  };
+  static_assert(sizeof(Slot) == 48, "a slot is three pool units");
+
+  struct Segment {
+    Atomic<UnitIndex> next;  // of chunks and top directories: the following segment
+    std::uint32_t padding[3];
+    Slot* slots() noexcept { return reinterpret_cast<Slot*>(this + 1); }
+    Atomic<UnitIndex>* entries() noexcept { return reinterpret_cast<Atomic<UnitIndex>*>(this + 1); }
+  };
+  static_assert(sizeof(Segment) == kUnitBytes, "a segment's header is one pool unit");
+
+  static constexpr std::uint32_t slots_of(int kind) noexcept { return kFirst << kind; }
+  static constexpr std::uint32_t units_of(int kind) noexcept {
+    const std::uint32_t bytes =
+        kind == kDirectory ? (1u << kFanBits) * sizeof(UnitIndex) : slots_of(kind) * sizeof(Slot);
+    return 1 + bytes / kUnitBytes;
+  }
+  static constexpr std::uint32_t kPiece = 1024;  // 16 KiB
+  static constexpr std::uint32_t kSpareUnits = [] {
+    std::uint32_t units = 0;
+    for (int kind = 0; kind < kKinds; ++kind) units += units_of(kind);
+    return units;
+  }();
+
+  using Pool = Arena<PoolSync, kUnitBytes>;
+
+ public:
+  /// Units that a record takes at worst: a first chunk of its own. Longer lists take less for each.
+  static constexpr std::uint32_t kWorstUnits = units_of(0);
+
+  /// Units that a session may hold without a record in them: the rest of two pieces, and a spare of each kind.
+  static constexpr std::uint32_t kIdleUnits = 2 * kPiece + kSpareUnits;
+
+  /// A list; all-zero bytes are an empty one.
+  ///
+  /// Invariants: slots 0 .. count - 1 have been handed out, and those whose segment could not be had stay empty; a
+  /// slot's state goes from 0 to 1 once between quiescent points, a link from 0 to an index once between resets.
+  struct List {
+    Atomic<std::uint32_t> count;
+    Atomic<UnitIndex> head;
+  };
+
+  /// A session's own allocation state.
+  class Workspace {
+    friend SlotPool;
+    ArenaCursor<Pool> cursor_;
+    std::array<UnitIndex, kKinds> spares_{};  // set aside by lost races; zero, as allocated
+  };
+
+  explicit SlotPool(std::uint64_t units) : pool_(units) {}
+
+  /// Stores a record; false if the pool is used up, and then no visit ever sees anything of it.
+  template <class Counters>
+  bool append(Workspace& workspace, List& list, const Record& r, Counters& counters) noexcept {
+    // Relaxed: the count only fixes places and extents; what lies behind it is published by P1 and P3. The load keeps
+    // the count from wrapping round.
+    if (list.count.load(std::memory_order_relaxed) >= kMaxCount) return false;
+    const Place at = place_of(list.count.fetch_add(1, std::memory_order_relaxed));
+    Atomic<UnitIndex>* link = &list.head;
+    Segment* s = nullptr;
+    for (int k = 0; k <= at.segment; ++k) {
+      s = follow(workspace, *link, kind_of(k), counters);
+      if (s == nullptr) return false;
+      link = &s->next;
+    }
+    for (int level = at.segment - kChunks + 1; level > 0; --level) {
+      s = follow(workspace, s->entries()[digit(at.rest, level)], level == 1 ? kBlock : kDirectory, counters);
+      if (s == nullptr) return false;
+    }
+    publish(s->slots()[at.slot()], r);
+    return true;
+  }
+
+  /// Calls f(Record&) for every published record of a list, as far as the list reached when the visit began.
+  template <class F>
+  void visit(const List& list, F&& f) const noexcept {
+    // Relaxed, as in append; read once: it is the extent of this visit.
+    std::uint32_t left = list.count.load(std::memory_order_relaxed);
+    const Atomic<UnitIndex>* link = &list.head;
+    for (int k = 0; left > 0 && k < kChunks + kHeights; ++k) {
+      const UnitIndex i = link->load(std::memory_order_acquire /* P3 */);
+      if (i == 0) return;
+      Segment& s = segment(i);
+      visit_segment(s, k < kChunks ? 0 : k - kChunks + 1, k, left, f);
+      link = &s.next;
+    }
+  }
+
+  /// f(Record&) -> UpdateResult for every record of a list; what is kept moves up into the places of what is dropped.
+  /// Quiescent.
+  template <class F>
+  void update(List& list, F&& f) {
+    // All orders relaxed: quiescent; the caller's synchronisation publishes.
+    const std::uint32_t end = list.count.load(std::memory_order_relaxed);
+    std::uint32_t kept = 0;
+    for (std::uint32_t i = 0; i < end; ++i) {
+      Slot* s = slot_at(list, i);
+      if (s == nullptr || s->state.load(std::memory_order_relaxed) == 0) continue;
+      const bool keep = f(s->record) == UpdateResult::keep;
+      s->state.store(0, std::memory_order_relaxed);
+      if (!keep) continue;
+      Slot* to = slot_at(list, kept);
+      // A segment that could not be had is the last one, unless its successor was got by somebody else: stay put then.
+      while (to == nullptr) to = slot_at(list, ++kept);
+      if (to != s) to->record = s->record;
+      to->state.store(1, std::memory_order_relaxed);
+      ++kept;
+    }
+    list.count.store(kept, std::memory_order_relaxed);
+  }
+
+  /// Takes and touches memory for n records.
+  void prefault(Workspace& workspace, std::uint32_t n) noexcept {
+    workspace.cursor_.prefault(pool_, std::min<std::uint32_t>(n, 1u << 26) * kWorstUnits, kUnitBytes);
+  }
+  /// Touches memory for n records behind `offset` others, without taking it. Quiescent.
+  void touch(std::uint32_t offset, std::uint32_t n) noexcept {
+    pool_.touch(std::uint64_t{offset} * kWorstUnits, std::uint64_t{n} * kWorstUnits);
+  }
+
+  void reset() { pool_.reset(); }
+  std::uint64_t units_left() const noexcept { return pool_.left(); }
+  static std::size_t bytes(const Workspace& workspace) noexcept {
+    return workspace.cursor_.units_used() * kUnitBytes;
+  }
+
+ private:
+  /// Where slot i of a list lies: in chunk `segment`, or under top directory `segment` - kChunks at `rest`.
+  struct Place {
+    int segment;
+    std::uint32_t rest;
+    std::uint32_t slot() const noexcept { return segment < kChunks ? rest : rest & ((1u << kFanBits) - 1); }
+  };
+
+  static Place place_of(std::uint32_t i) noexcept {
+    if (i < kInChunks) {
+      const int k = std::bit_width(i / kFirst + 1) - 1;
+      return {k, i - kFirst * ((1u << k) - 1)};
+    }
+    i -= kInChunks;
+    int height = 1;
+    // Heights 1 and 2 hold 2^16 and 2^24 slots; height 3 holds all that are left.
+    for (; height < kHeights && i >= 1u << (kFanBits * static_cast<unsigned>(height + 1)); ++height) {
+      i -= 1u << (kFanBits * static_cast<unsigned>(height + 1));
+    }
+    return {kChunks + height - 1, i};
+  }
+
+  static std::uint32_t digit(std::uint32_t rest, int level) noexcept {
+    return (rest >> (kFanBits * static_cast<unsigned>(level))) & ((1u << kFanBits) - 1);
+  }
+  static int kind_of(int segment_number) noexcept {
+    return segment_number < kChunks ? segment_number : kDirectory;
+  }
+
+  Segment& segment(UnitIndex i) const noexcept { return *std::launder(static_cast<Segment*>(pool_.at(i))); }
+
+  /// The segment that `link` points at, installed if missing; nullptr if the pool is used up.
+  template <class Counters>
+  Segment* follow(Workspace& workspace, Atomic<UnitIndex>& link, int kind, Counters& counters) noexcept {
+    if (const UnitIndex next = link.load(std::memory_order_acquire /* P3 */)) return &segment(next);
+    UnitIndex& spare = workspace.spares_[static_cast<std::size_t>(kind)];
+    UnitIndex fresh = std::exchange(spare, 0);
+    if (fresh == 0) {
+      fresh = workspace.cursor_.allocate(pool_, units_of(kind), kPiece);
+      if (fresh == 0) return nullptr;
+      counters.template add<&Counts::nodes_allocated>(1);
+    }
+    return &segment(install(link, fresh, spare, counters));
+  }
+
+  static void publish(Slot& slot, const Record& r) noexcept {
+    slot.record = r;
+    slot.state.store(1, std::memory_order_release /* P1 */);
+  }
+
+  template <class F>
+  void visit_segment(Segment& s, int height, int chunk, std::uint32_t& left, F& f) const noexcept {
+    if (height == 0) {
+      const std::uint32_t here = std::min(left, slots_of(chunk));
+      for (std::uint32_t i = 0; i < here; ++i) {
+        Slot& slot = s.slots()[i];
+        if (slot.state.load(std::memory_order_acquire /* P1 */) != 0) f(slot.record);
+      }
+      left -= here;
+      return;
+    }
+    for (std::uint32_t e = 0; e < 1u << kFanBits && left > 0; ++e) {
+      const UnitIndex i = s.entries()[e].load(std::memory_order_acquire /* P3 */);
+      if (i == 0) {  // not there yet: its slots are empty
+        left -= std::min(left, 1u << (kFanBits * static_cast<unsigned>(height)));
+      } else {
+        visit_segment(segment(i), height - 1, kBlock, left, f);
+      }
+    }
+  }
+
+  /// Slot i, or nullptr if its segment is missing. Quiescent.
+  Slot* slot_at(const List& list, std::uint32_t i) const noexcept {
+    const Place at = place_of(i);
+    UnitIndex at_unit = list.head.load(std::memory_order_relaxed);  // relaxed, as the loads below: quiescent
+    for (int k = 0; k < at.segment && at_unit != 0; ++k)
+      at_unit = segment(at_unit).next.load(std::memory_order_relaxed);
+    for (int level = at.segment - kChunks + 1; level > 0 && at_unit != 0; --level) {
+      at_unit = segment(at_unit).entries()[digit(at.rest, level)].load(std::memory_order_relaxed);
+    }
+    return at_unit == 0 ? nullptr : &segment(at_unit).slots()[at.slot()];
+  }
+
+  Pool pool_;
+};
+
+}  // namespace icbench
