@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/options.h"
 #include "core/names.h"
 #include "image/file.h"
 #include "image/image.h"
@@ -47,6 +48,7 @@ void make_folder(const std::string& path) {
 
 void compare(const CompareOptions& options) {
   const std::vector<const Metric*> metrics = find_metrics(options.metrics);
+  if (!options.json.empty()) require_writable("--json", options.json);
   const Image reference = read_image(options.reference);
   const Image image = read_image(options.image);
   if (!options.map.empty()) make_folder(options.map);
