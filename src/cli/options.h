@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <filesystem>
 #include <set>
@@ -29,6 +30,15 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
     if (end == text.npos) return out;
     begin = end + 1;
   }
+}
+
+/// A placement by its name, the nearest match offered for an unknown one.
+inline Placement placement_of(std::string_view name) {
+  constexpr std::string_view kKnown[] = {"compact", "scatter", "none"};
+  if (std::find(std::begin(kKnown), std::end(kKnown), name) == std::end(kKnown)) {
+    throw std::runtime_error(unknown_name("placement", name, kKnown));
+  }
+  return parse_placement(name);
 }
 
 /// A whole number from `low` to `high`, decimal digits only.

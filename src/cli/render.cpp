@@ -64,7 +64,7 @@ void render_command(const RenderOptions& o) {
   const CacheEntry& cache = find_cache(o.cache);
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
-  const Placement placement = parse_placement(o.placement);
+  const Placement placement = placement_of(o.placement);
   require_image_path(o.out);
   if (!o.json.empty()) require_writable("--json", o.json);
 

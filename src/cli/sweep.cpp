@@ -53,7 +53,7 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   request.caches = o.caches == "all" ? default_caches() : split_list("--caches", o.caches);
   for (const std::string& name : request.caches) find_cache(name);
   request.threads = o.threads.empty() ? default_threads(topology) : o.threads;
-  request.placement = parse_placement(o.placement);
+  request.placement = placement_of(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
   request.latency_every = o.latency_every;

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/names.h"
 #include "core/random.h"
 
 namespace icbench {
@@ -31,7 +32,8 @@ TileOrder parse_tile_order(std::string_view name) {
   if (name == "scanline") return TileOrder::scanline;
   if (name == "morton") return TileOrder::morton;
   if (name == "random") return TileOrder::random;
-  throw std::runtime_error(fmt::format("unknown tile order '{}'; choose scanline, morton or random", name));
+  constexpr std::string_view kKnown[] = {"scanline", "morton", "random"};
+  throw std::runtime_error(unknown_name("tile order", name, kKnown));
 }
 
 std::vector<Tile> make_tiles(int width, int height, int size, TileOrder order, std::uint64_t seed) {
