@@ -36,8 +36,7 @@ def ratios(setup: Setup) -> pd.DataFrame:
     rows = rows[(rows["workload_kind"] == "miss_driven") & rows["record_cost_us"].notna()].copy()
     if rows.empty:
         raise Omitted("no miss_driven rows with a record cost")
-    rows["speed"] = (rows["queries"] / rows["seconds"]).where((rows["queries"] > 0) & (rows["seconds"] > 0),
-                                                              rows["items_per_second"])
+    rows["speed"] = rows["items_per_second"]
     rows = rows[rows["speed"] > 0]
     rows["family"] = rows["workload"].map(_without_cost)
     locked = rows[rows["mechanism"].map(is_lock)]

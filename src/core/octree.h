@@ -73,7 +73,8 @@ class OctreeAddressing {
   float scale_;  // units per metre
 };
 
-/// The cells of each level whose enlarged cube holds a query point.
+/// The cells of each level whose enlarged cube holds a query point: 8 a level, up to 27 where kSlack counts, 64 and
+/// 125 in the two finest levels.
 class WardNeighbourhood {
  public:
   explicit WardNeighbourhood(const GridPoint& u) noexcept : u_(u) {}

@@ -2,13 +2,11 @@
 //
 // Conventions, everywhere in this file:
 //   - Samples are not modified and need no order. One NaN among them makes every result NaN; infinities are
-//   ordered like
-//     any other value.
+//     ordered like any other value.
 //   - An empty sample has median, quantiles and spreads NaN.
 //   - Intervals are at 95 %. Fewer than kMinSamples values admit none at that level, nor does a sample with a
-//   NaN:
-//     the interval is then (-inf, inf), from which no verdict but `undecided` follows. Equal samples give a
-//     point.
+//     NaN: the interval is then (-inf, inf), from which no verdict but `undecided` follows. Equal samples give
+//     a point.
 //   - Results depend on the sample and the seed alone, on any platform.
 #pragma once
 

@@ -1,8 +1,12 @@
 // Publication pairs. A region number never repeats within 2^32 regions.
-//   P1 run: region_ store -> worker: region_ wait; publishes call_, context_, stopping_, arrived_,
-//   unfinished_. P2 last to arrive: go_ store -> worker: go_ wait; nothing but the start signal. P3 worker:
-//   unfinished_ fetch_sub -> last worker: same; hands every slot to the last worker,
-//      then last worker: finished_ store -> run: finished_ wait.
+//
+//   P1  run: region_ store -> worker: region_ wait; publishes call_, context_, stopping_, arrived_, unfinished_
+//
+//   P2  last to arrive: go_ store -> worker: go_ wait; nothing but the start signal
+//
+//   P3  worker: unfinished_ fetch_sub -> last worker: same; hands every slot to the last worker, and then
+//       last worker: finished_ store -> run: finished_ wait
+//
 // The stores that are followed by notify_all are seq_cst: notify skips the system call when no waiter is
 // registered, and a weaker store could be overtaken by that look.
 #include "harness/thread_team.h"

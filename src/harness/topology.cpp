@@ -1,5 +1,6 @@
 #include "harness/topology.h"
 
+#include <new>
 #include <fmt/format.h>
 #include <hwloc.h>
 
@@ -25,7 +26,11 @@ struct BitmapDeleter {
 };
 using Bitmap = std::unique_ptr<hwloc_bitmap_s, BitmapDeleter>;
 
-Bitmap make_bitmap() { return Bitmap(hwloc_bitmap_alloc()); }
+Bitmap make_bitmap() {
+  Bitmap bitmap(hwloc_bitmap_alloc());
+  if (bitmap == nullptr) throw std::bad_alloc();
+  return bitmap;
+}
 
 Handle make_handle() {
   hwloc_topology_t raw = nullptr;

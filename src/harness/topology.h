@@ -5,11 +5,9 @@
 //
 // Orders of placement, over the allowed units:
 //   compact   fills a package before it opens the next; within one, every core gets a thread before any core
-//   gets a
-//             second (SMT siblings last), caches and NUMA nodes in order. Few sockets, shared caches.
+//             gets a second (SMT siblings last), caches and NUMA nodes in order. Few sockets, shared caches.
 //   scatter   deals threads round over packages, then NUMA nodes, then last-level caches, then cores; SMT
-//   siblings
-//             last. Most memory bandwidth and cache per thread.
+//             siblings last. Most memory bandwidth and cache per thread.
 //   none      unbound; the kernel's scheduler decides.
 // Plans are prefixes of each other: thread i sits at the same place whatever the number of threads. Past the
 // number of units they wrap round, which is marked as oversubscribed.
