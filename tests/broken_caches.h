@@ -1,6 +1,7 @@
 // Caches that a trial must find out: the wait-free one with a single fault each.
 #pragma once
 
+#include <optional>
 #include <utility>
 
 #include "caches/registry.h"
@@ -39,15 +40,42 @@ struct Inventing : WithFault<Counters, invent> {
   using WithFault<Counters, invent>::WithFault;
 };
 
-/// Counts as if one query had missed a record that is there.
-template <class Counters>
-struct Blind : WaitFree<Counters> {
+/// Answers queries with what `change` makes of the true answer.
+template <class Counters, void (*change)(std::optional<Irradiance>&)>
+struct WithAnswer : WaitFree<Counters> {
   using WaitFree<Counters>::WaitFree;
-  Counts counters() const {
-    Counts counts = WaitFree<Counters>::counters();
-    --counts.hits;
-    return counts;
-  }
+  struct Session : WaitFree<Counters>::Session {
+    explicit Session(typename WaitFree<Counters>::Session s) noexcept : WaitFree<Counters>::Session(s) {}
+    std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
+      std::optional<Irradiance> E = WaitFree<Counters>::Session::query(x);
+      change(E);
+      return E;
+    }
+  };
+  Session open_session(std::uint32_t thread) { return Session(WaitFree<Counters>::open_session(thread)); }
+};
+
+inline void hide(std::optional<Irradiance>& E) { E.reset(); }
+inline void darken(std::optional<Irradiance>& E) {
+  if (E) *E *= 0.999f;
+}
+inline void brighten(std::optional<Irradiance>& E) {
+  if (E) *E *= 10.0f;
+}
+
+template <class Counters>
+struct Blind : WithAnswer<Counters, hide> {
+  using WithAnswer<Counters, hide>::WithAnswer;
+};
+
+template <class Counters>
+struct Darkening : WithAnswer<Counters, darken> {
+  using WithAnswer<Counters, darken>::WithAnswer;
+};
+
+template <class Counters>
+struct Brightening : WithAnswer<Counters, brighten> {
+  using WithAnswer<Counters, brighten>::WithAnswer;
 };
 
 /// Has room for fewer records than it was asked to promise.
