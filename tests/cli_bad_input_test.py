@@ -159,8 +159,10 @@ class BadInput(Case):
         limit = 600 << 20
         for arguments in (small_sweep(workloads="cornell_box:size=16384x16384", out="a.json"),
                           small_sweep(workloads="miss_driven:operations=200000000", out="a.json"),
+                          small_sweep(threads=8192, out="a.json"),
                           small_render(size="16384x16384", out="a.exr"),
-                          small_render(size="8192x8192", integrator="whitted", out="a.exr")):
+                          small_render(size="8192x8192", integrator="whitted", out="a.exr"),
+                          small_render(threads=8192, out="a.exr")):
             with self.subTest(arguments):
                 done = self.run_icbench(
                     *arguments,

@@ -78,7 +78,7 @@ TEST(ThreadTeam, NobodyBeginsBeforeAllAreReady) {
 
 TEST(ThreadTeam, WorkersSitWhereThePlanSays) {
   const std::vector<Binding> plan = machine().plan(Placement::compact, 5);
-  ThreadTeam team(machine(), plan);
+  ThreadTeam team(plan);
   std::vector<int> actual(5, -1);
   std::vector<int> widths(5, 0);
   team.run([&](unsigned i) {
@@ -166,7 +166,7 @@ TEST(ThreadTeam, AFailedBindNamesThreadAndUnitAndLeavesNoThreadBehind) {
   std::vector<Binding> plan = machine().plan(Placement::compact, 3);
   plan[1] = 1'000'000;
   try {
-    ThreadTeam team(machine(), plan);
+    ThreadTeam team(plan);
     FAIL() << "nothing was thrown";
   } catch (const std::runtime_error& error) {
     const std::string text = error.what();
@@ -178,8 +178,8 @@ TEST(ThreadTeam, AFailedBindNamesThreadAndUnitAndLeavesNoThreadBehind) {
 }
 
 TEST(ThreadTeam, SizesOutOfRangeAreErrors) {
-  EXPECT_THROW(ThreadTeam(machine(), std::vector<Binding>{}), std::runtime_error);
-  EXPECT_THROW(ThreadTeam(machine(), std::vector<Binding>(kMaxThreads + 1, kUnbound)), std::runtime_error);
+  EXPECT_THROW(ThreadTeam(std::vector<Binding>{}), std::runtime_error);
+  EXPECT_THROW(ThreadTeam(std::vector<Binding>(kMaxThreads + 1, kUnbound)), std::runtime_error);
 }
 
 TEST(ThreadTeam, RunsWithAsManyThreadsAsAreOffered) {

@@ -20,7 +20,7 @@ class GatherOverBareRays : public Experiment {
       if (reflects(rays_, hit)) points_.push_back(hit);
     }
     log_ = record_gather_rays(rays_, points_, strata_, seed_);
-    machine.topology.bind_this_thread(machine.topology.units().front().os_index);
+    machine.bind();
   }
 
   Sample sample() override {

@@ -23,7 +23,7 @@ class QueryOverTwin : public Experiment {
         random_(machine.seed) {
     fill(wait_free_);
     fill(twin_);
-    bind(machine);
+    machine.bind();
   }
 
   Sample sample() override {
@@ -38,10 +38,6 @@ class QueryOverTwin : public Experiment {
   }
 
  private:
-  static void bind(const Machine& machine) {
-    machine.topology.bind_this_thread(machine.topology.units().front().os_index);
-  }
-
   template <class Cache>
   void fill(Cache& cache) {
     auto session = cache.open_session(0);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 
@@ -21,6 +22,11 @@ struct Machine {
   std::uint64_t seed;
 
   unsigned units() const noexcept { return static_cast<unsigned>(topology.units().size()); }
+  /// Pins the calling thread to the first unit, where single-threaded figures are measured.
+  void bind() const {
+    if (const auto error = bind_this_thread(topology.units().front().os_index))
+      throw std::runtime_error("cannot pin the measuring thread: " + error.message());
+  }
 };
 
 /// One sample of a row: a ratio, or the reason why this one does not count.

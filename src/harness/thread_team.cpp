@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <chrono>
 #include <limits>
+#include <new>
 #include <stdexcept>
 #include <system_error>
 
@@ -69,8 +70,7 @@ std::int64_t TeamTimes::start_skew_ns() const noexcept {
   return last->begin_ns - first->begin_ns;
 }
 
-ThreadTeam::ThreadTeam(const Topology& topology, const std::vector<Binding>& bindings)
-    : slots_(bindings.size()) {
+ThreadTeam::ThreadTeam(const std::vector<Binding>& bindings) : slots_(bindings.size()) {
   if (bindings.empty() || bindings.size() > kMaxThreads)
     throw std::runtime_error(
         fmt::format("a team cannot have {} threads; choose 1 to {}", bindings.size(), kMaxThreads));
@@ -80,9 +80,10 @@ ThreadTeam::ThreadTeam(const Topology& topology, const std::vector<Binding>& bin
   threads_.reserve(n);
   for (unsigned i = 0; i < n; ++i) {
     try {
-      // Workers use `topology` only until all of them have reported, which happens before this constructor
-      // returns.
-      threads_.emplace_back([this, &topology, i, binding = bindings[i]] { work(topology, i, binding); });
+      threads_.emplace_back([this, i, binding = bindings[i]] { work(i, binding); });
+    } catch (const std::bad_alloc&) {
+      stop(i);
+      throw;
     } catch (const std::system_error& error) {
       stop(i);
       throw std::runtime_error(fmt::format(
@@ -92,11 +93,14 @@ ThreadTeam::ThreadTeam(const Topology& topology, const std::vector<Binding>& bin
     }
   }
   await(finished_, 1);
-  for (Slot& slot : slots_) {
-    if (!slot.error) continue;
-    const std::exception_ptr error = slot.error;
+  for (unsigned i = 0; i < n; ++i) {
+    const std::error_code error = slots_[i].bind_error;
+    if (!error) continue;
     stop(n);
-    std::rethrow_exception(error);
+    throw std::runtime_error(fmt::format(
+        "cannot pin thread {} to processing unit {}: {}; use --placement none, or start the program with "
+        "other cpus allowed",
+        i, bindings[i], error.message()));
   }
 }
 
@@ -105,14 +109,9 @@ ThreadTeam::~ThreadTeam() {
 }
 
 // The workers' start-up counts as region 0 -> 1: they bind themselves, report, and then wait for region 1.
-void ThreadTeam::work(const Topology& topology, unsigned index, Binding binding) {
-  try {
-    if (binding != kUnbound) topology.bind_this_thread(static_cast<unsigned>(binding));
-  } catch (const std::exception& error) {
-    slots_[index].error = std::make_exception_ptr(std::runtime_error(fmt::format(
-        "cannot pin thread {} to {}; use --placement none, or start the program with other cpus allowed",
-        index, error.what())));
-  }
+// Nothing is allocated or thrown there, since the threads before may have used up all memory.
+void ThreadTeam::work(unsigned index, Binding binding) {
+  if (binding != kUnbound) slots_[index].bind_error = bind_this_thread(static_cast<unsigned>(binding));
   finish_one();
   for (int region = 1;; region = next(region)) {
     await(region_, region);  // P1

@@ -17,6 +17,7 @@
 #include <cstdint>
 #include <exception>
 #include <memory>
+#include <system_error>
 #include <thread>
 #include <type_traits>
 #include <vector>
@@ -45,9 +46,9 @@ class ThreadTeam {
  public:
   /// Starts one worker per binding and pins each. Throws std::runtime_error (one line) if a thread cannot be
   /// created or cannot be pinned as asked; then no worker is left behind.
-  ThreadTeam(const Topology& topology, const std::vector<Binding>& bindings);
+  explicit ThreadTeam(const std::vector<Binding>& bindings);
   ThreadTeam(const Topology& topology, Placement placement, unsigned n)
-      : ThreadTeam(topology, topology.plan(placement, n)) {}
+      : ThreadTeam(topology.plan(placement, n)) {}
   ~ThreadTeam();
   ThreadTeam(const ThreadTeam&) = delete;
   ThreadTeam& operator=(const ThreadTeam&) = delete;
@@ -69,10 +70,11 @@ class ThreadTeam {
   // Written by its worker alone within a region, read by run after the region.
   struct alignas(64) Slot {
     ThreadTime time;
-    std::exception_ptr error;
+    std::error_code bind_error;  ///< of the worker's start
+    std::exception_ptr error;    ///< of the last region
   };
 
-  void work(const Topology& topology, unsigned index, Binding binding);
+  void work(unsigned index, Binding binding);
   void run_slot(unsigned index) noexcept;
   void finish_one() noexcept;
   TeamTimes run_erased(Call call, void* context);

@@ -1,14 +1,15 @@
 #include "harness/topology.h"
 
-#include <new>
 #include <fmt/format.h>
 #include <hwloc.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <map>
+#include <new>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -260,17 +261,20 @@ std::vector<Binding> Topology::plan(Placement placement, unsigned n) const {
   return bindings;
 }
 
-void Topology::bind_this_thread(unsigned os_index) const {
-  const Bitmap wanted = make_bitmap();
-  hwloc_bitmap_only(wanted.get(), os_index);
-  if (hwloc_set_cpubind(handle_.get(), wanted.get(), HWLOC_CPUBIND_THREAD | HWLOC_CPUBIND_STRICT) != 0)
-    throw std::runtime_error(fmt::format("processing unit {}: {}", os_index, std::strerror(errno)));
-  const Bitmap actual = make_bitmap();
-  if (hwloc_get_cpubind(handle_.get(), actual.get(), HWLOC_CPUBIND_THREAD) != 0)
-    throw std::runtime_error(fmt::format("processing unit {}: the binding cannot be read back: {}", os_index,
-                                         std::strerror(errno)));
-  if (!hwloc_bitmap_isequal(actual.get(), wanted.get()))
-    throw std::runtime_error(fmt::format("processing unit {}: the system ignored the request", os_index));
+std::error_code bind_this_thread(unsigned os_index) noexcept {
+  const auto failed = [](int code) { return std::error_code(code, std::generic_category()); };
+  constexpr unsigned kMaxUnits = 8192;  // most that Linux can be configured for
+  using Mask = std::array<std::uint64_t, kMaxUnits / 64>;
+  if (os_index >= kMaxUnits) return failed(EINVAL);
+  Mask wanted{};
+  wanted[os_index / 64] = std::uint64_t{1} << os_index % 64;
+  // The system calls take words of any number; glibc's type has a fixed one.
+  if (sched_setaffinity(0, sizeof wanted, reinterpret_cast<const cpu_set_t*>(wanted.data())) != 0)
+    return failed(errno);
+  Mask actual{};
+  if (sched_getaffinity(0, sizeof actual, reinterpret_cast<cpu_set_t*>(actual.data())) != 0)
+    return failed(errno);
+  return actual == wanted ? std::error_code{} : failed(ENOTSUP);
 }
 
 }  // namespace icbench

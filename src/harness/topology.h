@@ -17,6 +17,7 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 struct hwloc_topology;
@@ -94,10 +95,6 @@ class Topology {
   /// Whether n threads are more than the allowed units.
   bool oversubscribed(unsigned n) const noexcept { return n > compact_.size(); }
 
-  /// Pins the calling thread and checks that the system did so. Throws std::runtime_error that names the
-  /// unit.
-  void bind_this_thread(unsigned os_index) const;
-
  private:
   explicit Topology(std::shared_ptr<hwloc_topology> handle);
   void read_units();
@@ -114,5 +111,12 @@ class Topology {
   std::string cpu_model_;
   std::string hwloc_version_ = "unknown";
 };
+
+/// Pins the calling thread to one processing unit and reads the binding back. Returns what went wrong, if
+/// anything did.
+///
+/// Asks the kernel rather than hwloc, whose call allocates and does not survive a full address space: threads
+/// start until memory ends, and a started one has to be able to tell.
+[[nodiscard]] std::error_code bind_this_thread(unsigned os_index) noexcept;
 
 }  // namespace icbench
