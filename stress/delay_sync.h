@@ -4,17 +4,14 @@
 // thread now and then spins or gives up the processor before a step. That widens the windows in which another
 // thread can interfere, above all where threads outnumber cores; it can produce no interleaving that the
 // plain policy could not. No sleeps: a delay is at most some microseconds, or a yield.
-//
-// Delayed<Cache> is the same cache with both policies replaced wherever they are type arguments of a template
-// whose parameters are all types.
 #pragma once
 
 #include <atomic>
 #include <thread>
 
-#include "caches/locks.h"
 #include "core/random.h"
 #include "core/sync.h"
+#include "stress/rebind.h"
 
 namespace icbench::stress {
 
@@ -80,13 +77,13 @@ class DelayAtomic {
 template <class T>
 using StdAtomic = std::atomic<T>;
 
-struct DelaySync {
+struct DelaySync : NoHooks {
   template <class T>
   using Atomic = DelayAtomic<T, StdAtomic>;
   static constexpr bool kConcurrent = true;
 };
 
-struct DelayPlainSync {
+struct DelayPlainSync : NoHooks {
   template <class T>
   using Atomic = DelayAtomic<T, PlainAtomic>;
   static constexpr bool kConcurrent = false;
@@ -106,12 +103,9 @@ template <>
 struct WithDelays<PlainSync> {
   using type = DelayPlainSync;
 };
-template <template <class...> class Template, class... Args>
-struct WithDelays<Template<Args...>> {
-  using type = Template<typename WithDelays<Args>::type...>;
-};
 
+/// `Cache` with delays at its atomic steps.
 template <class Cache>
-using Delayed = typename WithDelays<Cache>::type;
+using Delayed = Rebound<Cache, WithDelays>;
 
 }  // namespace icbench::stress

@@ -10,9 +10,11 @@ namespace icbench {
 
 template <class Structure, class Counters = NoCounters>
 class Direct {
+  using Tickets = TicketOffice<typename Structure::SharedSync>;
+
   struct State {
     typename Structure::Workspace workspace;
-    TicketOffice<StdSync>::Purse purse;
+    typename Tickets::Purse purse;
     [[no_unique_address]] Counters counters;
   };
 
@@ -82,7 +84,7 @@ class Direct {
 
   CacheConfig config_;
   SessionTable<State> sessions_;
-  TicketOffice<StdSync> tickets_;
+  Tickets tickets_;
   Structure structure_;
 };
 

@@ -13,6 +13,7 @@ class LinearList {
   using Pool = Arena<PlainSync, kRecordBytes>;
 
  public:
+  using SharedSync = PlainSync;
   static constexpr std::string_view kPrefix = "";
   static constexpr std::string_view kStructure = "list";
   static constexpr CacheTraits kTraits{"brute_force",

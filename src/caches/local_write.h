@@ -18,12 +18,14 @@ namespace icbench {
 
 template <class SharedStructure, class LocalStructure, class Counters = NoCounters>
 class LocalWrite {
+  using Tickets = TicketOffice<typename SharedStructure::SharedSync>;
+
   struct State {
     std::unique_ptr<LocalStructure> local;  // made by open_session
     typename LocalStructure::Workspace local_workspace;
     typename SharedStructure::Workspace merge_workspace;
     std::size_t most_local_bytes = 0;  // emptied memory stays with the process
-    TicketOffice<StdSync>::Purse purse;
+    typename Tickets::Purse purse;
     [[no_unique_address]] Counters counters;
   };
   static constexpr std::string_view kMechanism = "local_write";
@@ -143,7 +145,7 @@ class LocalWrite {
   CacheConfig config_;
   CacheConfig local_config_;
   SessionTable<State> sessions_;
-  TicketOffice<StdSync> tickets_;
+  Tickets tickets_;
   SharedStructure shared_;
 };
 

@@ -14,6 +14,8 @@ class Locked {
   static_assert(!Structure::kTraits.name.empty() && Structure::kTraits.single_thread,
                 "wrap the plain instantiation of a structure: the lock is the synchronisation");
 
+  using Tickets = TicketOffice<typename Structure::SharedSync>;
+
   struct State {
     [[no_unique_address]] Counters counters;
   };
@@ -88,8 +90,8 @@ class Locked {
   SessionTable<State> sessions_;
   alignas(kNoSharing) typename Policy::Mutex mutex_;
   // Everything below is protected by mutex_ while sessions are in operation.
-  alignas(kNoSharing) TicketOffice<PlainSync> tickets_;
-  TicketOffice<PlainSync>::Purse purse_;
+  alignas(kNoSharing) Tickets tickets_;
+  typename Tickets::Purse purse_;
   typename Structure::Workspace workspace_;
   std::uint32_t prefaulted_ = 0;  // records that sessions have touched memory for
   Structure structure_;

@@ -12,7 +12,6 @@
 #include <mutex>
 #include <shared_mutex>
 #include <string_view>
-#include <thread>
 
 #include "core/counters.h"
 #include "core/sync.h"
@@ -36,17 +35,7 @@ inline void acquire_counted(Counters& counters, TryLock&& try_lock, DoLock&& do_
   }
 }
 
-/// Tells the core that this is a spin loop.
-inline void spin_pause() noexcept {
-#if defined(__x86_64__)
-  __builtin_ia32_pause();
-#elif defined(__aarch64__)
-  asm volatile("yield");
-#endif
-}
-
-/// Test-and-test-and-set lock that yields the processor after a bounded spin, so that a descheduled holder
-/// can run. Blocking and unfair. All-zero bytes are an unlocked lock.
+/// Test-and-test-and-set lock. Blocking and unfair. All-zero bytes are an unlocked lock.
 ///
 /// Publication pair: L1 unlock store release -> lock CAS acquire; publishes what the holder wrote.
 template <class Sync>
@@ -61,20 +50,12 @@ class SpinLock {
   }
 
   void lock() noexcept {
-    for (unsigned spins = 0; !try_lock(); ++spins) {
-      if (spins < kSpins) {
-        spin_pause();
-      } else {
-        std::this_thread::yield();
-      }
-    }
+    for (unsigned turn = 0; !try_lock(); ++turn) Sync::wait_turn(turn);
   }
 
   void unlock() noexcept { word_.store(0, std::memory_order_release /* L1 */); }
 
  private:
-  static constexpr unsigned kSpins = 256;
-
   typename Sync::template Atomic<std::uint32_t> word_{0};
 };
 
@@ -169,6 +150,9 @@ struct SpinRwMutex {
 /// Per-node locking switched off: takes no memory and no time.
 struct NoNodeLock {
   static constexpr bool kOn = false;
+  /// Policy of the words that sessions share, in a structure whose nodes are under `Sync`.
+  template <class Sync>
+  using Shared = Sync;
   template <class Counters>
   struct Scope {
     Scope(NoNodeLock&, Counters&) noexcept {}
@@ -179,6 +163,8 @@ struct NoNodeLock {
 template <class Sync = StdSync>
 struct SpinNodeLock {
   static constexpr bool kOn = true;
+  template <class>
+  using Shared = Sync;
   SpinLock<Sync> lock;
   template <class Counters>
   struct Scope : ExclusiveScope<SpinLock<Sync>> {

@@ -24,7 +24,8 @@
   X(spin_rw_mutex, SpinRwMutexCache) \
   X(node_lock, NodeLockCache)       \
   X(local_write, LocalWriteCache)   \
-  X(wait_free, WaitFree)
+  X(wait_free, WaitFree)            \
+  X(wait_free_snapshot, WaitFreeSnapshot)
 // clang-format on
 
 namespace icbench {
@@ -51,6 +52,8 @@ template <class Counters = NoCounters>
 using LocalWriteCache = LocalWrite<WardTree<StdSync>, PlainWardTree, Counters>;
 template <class Counters = NoCounters>
 using WaitFree = Direct<WardTree<StdSync>, Counters>;
+template <class Counters = NoCounters>
+using WaitFreeSnapshot = Direct<WardTree<StdSync, NoNodeLock, Snapshot>, Counters>;
 
 #define ICBENCH_CHECK(id, Type)                                                            \
   static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache"); \

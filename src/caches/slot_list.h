@@ -7,14 +7,14 @@
 //
 // Publication pairs
 //
-//   P1  publish: slot state store release  -> visit: slot state load acquire; publishes the record
+//   P1  publish -> shows, by the slot's mark (caches/visibility.h); publishes the record
 //
 //   P3  install: link CAS release          -> follow, visit: link load acquire; publishes the segment, and with it the
 //                                             zeroing of its memory by a reset in another thread
 //
 // Progress: append is wait-free; at most 12 links are followed, each by one load and, if it is empty, one allocation
-// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add and the store that publishes, 12 * 6 + 3
-// steps. visit is wait-free: the count is read once; one load a slot below it, one a segment.
+// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 steps, and those that publish.
+// visit is wait-free: the count is read once; one mark a slot below it, one load a segment.
 #pragma once
 
 #include <array>
@@ -22,6 +22,7 @@
 #include <new>
 #include <utility>
 
+#include "caches/visibility.h"
 #include "core/arena.h"
 #include "core/counters.h"
 #include "core/types.h"
@@ -44,8 +45,9 @@ UnitIndex install(Atomic& word, UnitIndex fresh, UnitIndex& spare, Counters& cou
   return winner;
 }
 
-/// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists.
-template <class Sync, class PoolSync>
+/// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists, `Visibility`
+/// (caches/visibility.h) says when a query sees a record.
+template <class Sync, class PoolSync, class Visibility>
 class SlotPool {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
@@ -62,11 +64,17 @@ class SlotPool {
   static constexpr std::uint32_t kMaxCount = 1u << 31;
   static_assert(kFirst << kChunks == 1u << kFanBits, "a block is the chunk that follows the last one");
 
+  using Marks = typename Visibility::template In<Sync>;
+  using Mark = typename Marks::Mark;
+
   struct Slot {
     Record record;
-    Atomic<std::uint32_t> state;  // 0 empty, 1 published
+    Mark mark;
+    // Quiescent; relaxed for that.
+    bool is_empty() const noexcept { return mark.word.load(std::memory_order_relaxed) == 0; }
   };
-  static_assert(sizeof(Slot) == 48, "a slot is three pool units");
+  static_assert(kFirst * sizeof(Slot) % kUnitBytes == 0 && alignof(Slot) <= kUnitBytes,
+                "chunks are whole units");
 
   struct Segment {
     Atomic<UnitIndex> next;  // of chunks and top directories: the following segment
@@ -101,7 +109,7 @@ class SlotPool {
   /// A list; all-zero bytes are an empty one.
   ///
   /// Invariants: slots 0 .. count - 1 have been handed out, and those whose segment could not be had stay empty; a
-  /// slot's state goes from 0 to 1 once between quiescent points, a link from 0 to an index once between resets.
+  /// slot's mark never becomes empty again between quiescent points; a link goes from 0 to an index once between resets.
   struct List {
     Atomic<std::uint32_t> count;
     Atomic<UnitIndex> head;
@@ -134,25 +142,34 @@ class SlotPool {
       s = follow(workspace, s->entries()[digit(at.rest, level)], level == 1 ? kBlock : kDirectory, counters);
       if (s == nullptr) return false;
     }
-    publish(s->slots()[at.slot()], r);
+    Slot& slot = s->slots()[at.slot()];
+    Sync::writes(&slot.record, sizeof r);
+    slot.record = r;
+    marks_.publish(slot.mark);
     return true;
   }
 
-  /// Calls f(Record&) for every published record of a list, as far as the list reached when the visit began.
+  /// What a query has to read before it visits its first list.
+  typename Marks::Moment moment() const noexcept { return marks_.moment(); }
+
+  /// Calls f(const Record&) for every record of a list that is visible at `moment`, as far as the list reached when the
+  /// visit began.
   template <class F>
-  void visit(const List& list, F&& f) const noexcept {
-    // Relaxed, as in append; read once: it is the extent of this visit.
-    std::uint32_t left = list.count.load(std::memory_order_relaxed);
-    const Atomic<UnitIndex>* link = &list.head;
-    for (int k = 0; left > 0 && k < kChunks + kHeights; ++k) {
-      const UnitIndex i = link->load(std::memory_order_acquire /* P3 */);
-      if (i == 0) return;
-      Segment& s = segment(i);
-      visit_segment(s, k < kChunks ? 0 : k - kChunks + 1, k, left, f);
-      link = &s.next;
-    }
+  void visit(const List& list, typename Marks::Moment moment, F&& f) noexcept {
+    for_each_slot(list, [&](Slot& slot) {
+      if (!marks_.shows(slot.mark, moment)) return;
+      Sync::reads(&slot.record, sizeof slot.record);
+      f(static_cast<const Record&>(slot.record));
+    });
   }
 
+  /// Calls f(const Record&) for every record of a list. Quiescent.
+  template <class F>
+  void for_each(const List& list, F&& f) const {
+    for_each_slot(list, [&](const Slot& slot) {
+      if (!slot.is_empty()) f(slot.record);
+    });
+  }
   /// f(Record&) -> UpdateResult for every record of a list; what is kept moves up into the places of what is dropped.
   /// Quiescent.
   template <class F>
@@ -162,15 +179,16 @@ class SlotPool {
     std::uint32_t kept = 0;
     for (std::uint32_t i = 0; i < end; ++i) {
       Slot* s = slot_at(list, i);
-      if (s == nullptr || s->state.load(std::memory_order_relaxed) == 0) continue;
+      if (s == nullptr || s->is_empty()) continue;
       const bool keep = f(s->record) == UpdateResult::keep;
-      s->state.store(0, std::memory_order_relaxed);
+      const auto mark = s->mark.word.load(std::memory_order_relaxed);
+      s->mark.word.store(0, std::memory_order_relaxed);
       if (!keep) continue;
       Slot* to = slot_at(list, kept);
       // A segment that could not be had is the last one, unless its successor was got by somebody else: stay put then.
       while (to == nullptr) to = slot_at(list, ++kept);
       if (to != s) to->record = s->record;
-      to->state.store(1, std::memory_order_relaxed);
+      to->mark.word.store(mark, std::memory_order_relaxed);
       ++kept;
     }
     list.count.store(kept, std::memory_order_relaxed);
@@ -185,7 +203,10 @@ class SlotPool {
     pool_.touch(std::uint64_t{offset} * kWorstUnits, std::uint64_t{n} * kWorstUnits);
   }
 
-  void reset() { pool_.reset(); }
+  void reset() {
+    pool_.reset();
+    marks_.clear();
+  }
   std::uint64_t units_left() const noexcept { return pool_.left(); }
   static std::size_t bytes(const Workspace& workspace) noexcept {
     return workspace.cursor_.units_used() * kUnitBytes;
@@ -236,19 +257,26 @@ class SlotPool {
     return &segment(install(link, fresh, spare, counters));
   }
 
-  static void publish(Slot& slot, const Record& r) noexcept {
-    slot.record = r;
-    slot.state.store(1, std::memory_order_release /* P1 */);
+  /// f(Slot&) for the slots of a list that had been handed out when this was called, as far as their segments are there.
+  template <class F>
+  void for_each_slot(const List& list, F&& f) const {
+    // Relaxed, as in append; read once: it is the extent of this visit.
+    std::uint32_t left = list.count.load(std::memory_order_relaxed);
+    const Atomic<UnitIndex>* link = &list.head;
+    for (int k = 0; left > 0 && k < kChunks + kHeights; ++k) {
+      const UnitIndex i = link->load(std::memory_order_acquire /* P3 */);
+      if (i == 0) return;
+      Segment& s = segment(i);
+      visit_segment(s, k < kChunks ? 0 : k - kChunks + 1, k, left, f);
+      link = &s.next;
+    }
   }
 
   template <class F>
-  void visit_segment(Segment& s, int height, int chunk, std::uint32_t& left, F& f) const noexcept {
+  void visit_segment(Segment& s, int height, int chunk, std::uint32_t& left, F& f) const {
     if (height == 0) {
       const std::uint32_t here = std::min(left, slots_of(chunk));
-      for (std::uint32_t i = 0; i < here; ++i) {
-        Slot& slot = s.slots()[i];
-        if (slot.state.load(std::memory_order_acquire /* P1 */) != 0) f(slot.record);
-      }
+      for (std::uint32_t i = 0; i < here; ++i) f(s.slots()[i]);
       left -= here;
       return;
     }
@@ -275,6 +303,7 @@ class SlotPool {
   }
 
   Pool pool_;
+  [[no_unique_address]] Marks marks_;
 };
 
 }  // namespace icbench

@@ -2,8 +2,9 @@
 // cube holds the point (core/octree.h). The structure of Dubla 2012, Listing 7.1, under every access mechanism.
 //
 // Use: this is a *structure*. WardTree<PlainSync> is the sequential one that locks and thread-local copies wrap;
-// WardTree<StdSync> is the wait-free cache; WardTree<PlainSync, SpinNodeLock<>> locks node by node. All three are this
-// code, and their records lie in the lists of caches/slot_list.h.
+// WardTree<StdSync> is the wait-free cache, WardTree<StdSync, NoNodeLock, Snapshot> the linearizable one;
+// WardTree<PlainSync, SpinNodeLock<>> locks node by node. All are this code, and their records lie in the lists of
+// caches/slot_list.h.
 //
 // Publication pairs (StdSync); P1 and P3 are those of the lists
 //
@@ -13,15 +14,16 @@
 // Progress (StdSync), in steps on shared memory; D = kMaxLevel = 20
 //
 //   insert  wait-free: per level one load and, if the child is missing, one allocation (4 steps) and one CAS, whose
-//           loser adopts the winner's node; then one append (75 steps): at most 6 D + 75 = 195, and 2 for the ticket
-//           that its session draws (caches/session.h).
+//           loser adopts the winner's node; then one append (74 steps) and what makes the record visible (1, or 3 for
+//           a snapshot): at most 6 D + 77 = 197, and 2 for the ticket that its session draws (caches/session.h).
 //
 //   visit   wait-free: per node at most 8 child loads and one visit of its list, which is bounded by what is there when
 //           the list's count is read. The cells to visit are fixed by the point: 8 a level, up to 27 where the slack of
-//           the addressing counts, 64 and 125 in the two finest levels; 372 nodes in all at the very worst.
+//           the addressing counts, 64 and 125 in the two finest levels; 372 nodes in all at the very worst. A snapshot adds
+//           one load, and 3 steps for each record that it finds pending.
 //
-// Linearization (StdSync): a record becomes visible by its P1 store. A visit walks several lists and so has no
-// linearization point: it is per-record linearizable, not a snapshot.
+// Linearization (StdSync): by Visibility. At first sight, a record becomes visible by its P1 store, and a visit, which
+// walks several lists, has no linearization point: it is per-record linearizable. A snapshot is linearizable.
 #pragma once
 
 #include "caches/locks.h"
@@ -32,45 +34,53 @@
 
 namespace icbench {
 
-template <class Sync, class NodeLock = NoNodeLock>
+template <class Sync, class NodeLock = NoNodeLock, class Visibility = AtFirstSight>
 class WardTree {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
 
-  // Under a lock per node the nodes are plain memory, but sessions still allocate side by side.
-  using PoolSync = std::conditional_t<NodeLock::kOn, StdSync, Sync>;
+ public:
+  /// Under a lock per node the nodes are plain memory, but sessions still allocate side by side.
+  using SharedSync = typename NodeLock::template Shared<Sync>;
+
+ private:
   static constexpr std::size_t kNodeBytes = 64;
-  using Nodes = Arena<PoolSync, kNodeBytes>;
-  using Slots = SlotPool<Sync, PoolSync>;
+  using Nodes = Arena<SharedSync, kNodeBytes>;
+  using Slots = SlotPool<Sync, SharedSync, Visibility>;
 
  public:
   static constexpr std::string_view kPrefix = "";
   static constexpr std::string_view kStructure = "ward";
-  static constexpr CacheTraits kTraits = Sync::kConcurrent ? CacheTraits{"wait_free",
-                                                                         kStructure,
-                                                                         "wait_free",
-                                                                         ProgressGuarantee::wait_free,
-                                                                         ProgressGuarantee::wait_free,
-                                                                         Consistency::per_record_linearizable,
-                                                                         false,
-                                                                         "Dubla 2012, 7.2.3 (WF)"}
-                                         : NodeLock::kOn
-                                             ? CacheTraits{"node_lock",
-                                                           kStructure,
-                                                           "node_lock",
-                                                           ProgressGuarantee::blocking,
-                                                           ProgressGuarantee::blocking,
-                                                           Consistency::per_record_linearizable,
-                                                           false,
-                                                           "a lock per node"}
-                                             : CacheTraits{"sequential",
-                                                           kStructure,
-                                                           "none",
-                                                           ProgressGuarantee::wait_free,
-                                                           ProgressGuarantee::wait_free,
-                                                           Consistency::linearizable,
-                                                           true,
-                                                           "Dubla 2012, Listing 7.1; Ward et al. 1988"};
+  static constexpr CacheTraits kTraits = [] {
+    constexpr auto wait_free = [](std::string_view name, Consistency consistency, std::string_view source) {
+      return CacheTraits{
+          name,        kStructure, name,  ProgressGuarantee::wait_free, ProgressGuarantee::wait_free,
+          consistency, false,      source};
+    };
+    if (NodeLock::kOn) {
+      return CacheTraits{"node_lock",
+                         kStructure,
+                         "node_lock",
+                         ProgressGuarantee::blocking,
+                         ProgressGuarantee::blocking,
+                         Consistency::per_record_linearizable,
+                         false,
+                         "a lock per node"};
+    }
+    if (!Sync::kConcurrent) {
+      return CacheTraits{"sequential",
+                         kStructure,
+                         "none",
+                         ProgressGuarantee::wait_free,
+                         ProgressGuarantee::wait_free,
+                         Consistency::linearizable,
+                         true,
+                         "Dubla 2012, Listing 7.1; Ward et al. 1988"};
+    }
+    if (Visibility::kIsSnapshot)
+      return wait_free("wait_free_snapshot", Consistency::linearizable, "this project");
+    return wait_free("wait_free", Consistency::per_record_linearizable, "Dubla 2012, 7.2.3 (WF)");
+  }();
 
   /// A session's own allocation state.
   class Workspace {
@@ -116,12 +126,13 @@ class WardTree {
     // Depth first: a cell is popped before its children, 8 at most, are pushed.
     std::array<Cell, 7 * kMaxLevel + 8> stack;
     const WardNeighbourhood neighbourhood(addressing_.quantise(x.p));
+    const auto moment = slots_.moment();
     stack[0] = {kRoot, 0, 0, 0, 0};
     for (std::size_t top = 1; top > 0;) {
       const Cell cell = stack[--top];
       Node& n = node(cell.node);
       typename NodeLock::template Scope<Counters> scope(n.lock, counters);
-      slots_.visit(n.records, [&](const Record& r) {
+      slots_.visit(n.records, moment, [&](const Record& r) {
         counters.template add<&Counts::records_read>(1);
         const float weight = split_sphere_weight(x, r, a);
         if (weight > 0.0f) {
@@ -155,7 +166,7 @@ class WardTree {
   template <class F>
   void for_each(F&& f) const {
     for (UnitIndex i = kRoot; i != nodes_.end(); ++i) {
-      slots_.visit(node(i).records, [&](const Record& r) { f(r); });
+      slots_.for_each(node(i).records, f);
     }
   }
 

@@ -41,6 +41,7 @@ class Arena {
 
   /// First of `n` consecutive units, all bytes zero; 0 if the arena is used up.
   UnitIndex take(std::uint32_t n) noexcept {
+    if (!Sync::may_allocate()) return 0;
     // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like
     // the fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by
     // other words.

@@ -3,17 +3,49 @@
 //
 // A policy offers `template <class T> using Atomic`, with load, store, fetch_add and compare_exchange_strong
 // that take explicit memory orders. All-zero bytes must be a valid Atomic<T> of value 0: structures live in
-// zeroed pool memory.
+// zeroed pool memory. It also has the hooks of `NoHooks`, by which tests see what atomics do not show.
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <thread>
 #include <type_traits>
 
 namespace icbench {
 
+/// Tells the core that this is a spin loop.
+inline void spin_pause() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+/// The hooks of a policy, doing nothing.
+struct NoHooks {
+  /// Ordinary memory that atomics publish is about to be read or written.
+  static constexpr void reads(const void*, std::size_t) noexcept {}
+  static constexpr void writes(const void*, std::size_t) noexcept {}
+
+  /// Whether a pool may hand out memory that it has; a test may say no.
+  static constexpr bool may_allocate() noexcept { return true; }
+
+  /// Turn number `turn` of a loop that waits for another thread. Yields the processor after a bounded spin, so that
+  /// whoever is waited for can run.
+  static void wait_turn(unsigned turn) noexcept {
+    constexpr unsigned kSpins = 256;
+    if (turn < kSpins) {
+      spin_pause();
+    } else {
+      std::this_thread::yield();
+    }
+  }
+};
+
 /// Shared by threads: std::atomic.
-struct StdSync {
+struct StdSync : NoHooks {
   template <class T>
   using Atomic = std::atomic<T>;
   static constexpr bool kConcurrent = true;
@@ -47,7 +79,7 @@ class PlainAtomic {
 };
 
 /// Ordinary memory: the unsynchronised twin of a structure.
-struct PlainSync {
+struct PlainSync : NoHooks {
   template <class T>
   using Atomic = PlainAtomic<T>;
   static constexpr bool kConcurrent = false;

@@ -14,6 +14,7 @@ using SharedWord = DelaySync::Atomic<std::uint32_t>;
 /// What all of them have: a pool of slots, from 1, that are handed out by fetch_add, and a scan over slots.
 class SlotPool {
  public:
+  using SharedSync = DelaySync;
   struct Workspace {};
   struct Slot {
     Record record{};
@@ -272,6 +273,7 @@ class UnsharedList {
                                        Consistency::linearizable,
                                        true,
                                        "part of a broken cache"};
+  using SharedSync = DelayPlainSync;
   struct Workspace {};
 
   explicit UnsharedList(const CacheConfig& config)

@@ -29,7 +29,7 @@ class RelaxedAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct RelaxedSync {
+struct RelaxedSync : NoHooks {
   template <class T>
   using Atomic = RelaxedAtomic<T>;
   static constexpr bool kConcurrent = true;
@@ -55,7 +55,7 @@ class StoreAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct StoreSync {
+struct StoreSync : NoHooks {
   template <class T>
   using Atomic = StoreAtomic<T>;
   static constexpr bool kConcurrent = true;
@@ -75,7 +75,7 @@ class NeverLosingAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct NeverLosingSync {
+struct NeverLosingSync : NoHooks {
   template <class T>
   using Atomic = NeverLosingAtomic<T>;
   static constexpr bool kConcurrent = true;
