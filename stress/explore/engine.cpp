@@ -99,7 +99,7 @@ Effect Engine::access(const Access& a) {
   }
   p.is_live = false;
   const Effect effect = memory_.perform(self, a, p.location, next_index_);
-  if (search_ != nullptr && !is_off_record_) search_->done(effect, memory_.past(self).at[self]);
+  if (search_ != nullptr && !is_off_record_) search_->done(effect, memory_.past(self));
   if (trace_ != nullptr) trace_step(self, a, effect, p.location);
   return effect;
 }

@@ -99,9 +99,13 @@ Search::Next Search::decide(const Memory& memory, std::span<const Pending> pendi
   if (nodes_.size() == size_) nodes_.emplace_back();
   Node& n = nodes_[depth_];
   fill(n, memory, pending);
-  if (options_.reduce) find_races(depth_);
+  const bool is_live = std::any_of(n.next.begin(), n.next.end(), [](const Step& s) { return s.is_live; });
+  if (sleeps()) {
+    find_races(depth_, is_live && n.enabled == 0);
+  } else if (options_.reduce) {
+    find_races_bounded(depth_);
+  }
   if (n.enabled == 0) {
-    const bool is_live = std::any_of(n.next.begin(), n.next.end(), [](const Step& s) { return s.is_live; });
     return {is_live ? Verdict::blocked : Verdict::finished};
   }
   n.by_rule = thread_by_rule(n.enabled, last_thread(depth_));
@@ -116,10 +120,11 @@ Search::Next Search::decide(const Memory& memory, std::span<const Pending> pendi
   return {Verdict::step, n.thread, n.next[n.thread].choices.index[n.choice]};
 }
 
-void Search::done(const Effect& effect, std::uint32_t ordinal) noexcept {
+void Search::done(const Effect& effect, const VectorClock& past) noexcept {
   Node& n = nodes_[depth_++];
   n.wrote = effect.wrote;
-  n.ordinal = ordinal;
+  n.past_after = past;
+  n.ordinal = past.at[n.thread];
 }
 
 bool Search::advance() {
@@ -145,47 +150,74 @@ bool Search::advance() {
 
 bool Search::conflict(const Node& event, const Step& next) const noexcept {
   const Step& step = event.next[event.thread];
+  if (!next.is_live) return false;
   if (step.is_total && next.is_total) return true;
   if (step.location != next.location || never_together(step.kind, next.kind)) return false;
   return next.may_write || (options_.preemptions && event.wrote);
 }
 
-/// Conflicts of the steps that are next with those that were done: of a thread that has just stepped with all, of the
-/// others with the last one; with the rest they have been compared before.
-void Search::find_races(unsigned depth) noexcept {
+/// Of the step done last, with all that went before; where everything is blocked, of those that cannot be done, too.
+void Search::find_races(unsigned depth, bool is_blocked) noexcept {
   if (depth == 0) return;
-  const std::uint8_t last = nodes_[depth - 1].thread;
-  for (std::uint8_t t = 0; t < kMaxThreads; ++t) {
-    if (!nodes_[depth].next[t].is_live) continue;
-    if (t != last) {
-      find_races_with(depth - 1, depth, t);
-    } else {
-      for (unsigned event = depth - 1; event-- > 0;) find_races_with(event, depth, t);
+  const Node& last = nodes_[depth - 1];
+  for (unsigned event = depth - 1; event-- > 0;) {
+    if (is_race(event, last.thread, last.next[last.thread], last.past[last.thread]))
+      go_back(event, depth - 1, last.thread, last.past_after);
+  }
+  const Node& now = nodes_[depth];
+  for (std::uint8_t t = 0; is_blocked && t < kMaxThreads; ++t) {
+    for (unsigned event = depth; event-- > 0;) {
+      if (is_race(event, t, now.next[t], now.past[t])) go_back(event, depth, t, now.past[t]);
     }
   }
 }
 
-void Search::find_races_with(unsigned event, unsigned depth, std::uint8_t thread) noexcept {
-  const Node& e = nodes_[event];
-  if (e.thread == thread || !conflict(e, nodes_[depth].next[thread])) return;
-  if (options_.preemptions) {
-    go_back_bounded(event, thread);
-    unsigned turn = event;
-    while (turn > 0 && nodes_[turn - 1].thread == e.thread) --turn;
-    go_back_bounded(turn, thread);
-  } else if (e.ordinal > nodes_[depth].past[thread].at[e.thread]) {
-    go_back(event, depth, thread);
+/// With a bound: of the steps that are next; of a thread that has just stepped with all that went before, of the others
+/// with the last one, as they have been compared with the rest before.
+void Search::find_races_bounded(unsigned depth) noexcept {
+  if (depth == 0) return;
+  for (std::uint8_t t = 0; t < kMaxThreads; ++t) {
+    const bool is_fresh = t == nodes_[depth - 1].thread;
+    for (unsigned event = depth; event-- > (is_fresh ? 0 : depth - 1);) {
+      const Node& e = nodes_[event];
+      if (e.thread == t || !conflict(e, nodes_[depth].next[t])) continue;
+      unsigned turn = event;
+      while (turn > 0 && nodes_[turn - 1].thread == e.thread) --turn;
+      go_back_bounded(event, t);
+      go_back_bounded(turn, t);
+    }
   }
 }
 
-/// Lets `thread`, or one that its next step depends on, step in the place of `event`.
-void Search::go_back(unsigned event, unsigned depth, std::uint8_t thread) noexcept {
+/// Whether `step`, of a thread with that past, could have come before `event`, and have changed it.
+bool Search::is_race(unsigned event, std::uint8_t thread, const Step& step,
+                     const VectorClock& past) const noexcept {
+  const Node& e = nodes_[event];
+  return e.thread != thread && conflict(e, step) && e.ordinal > past.at[e.thread];
+}
+
+/// Lets a step of `thread`, which was or would be number `depth`, happen in the place of `event`: after those in between
+/// that do not depend on `event`. Of them all, any that depends on none of the others may begin; one such thread is enough
+/// (source sets: Abdulla, Aronis, Jonsson, Sagonas 2014).
+void Search::go_back(unsigned event, unsigned depth, std::uint8_t thread, const VectorClock& past) noexcept {
   Node& n = nodes_[event];
-  Mask initials = n.enabled & bit(thread);
-  const VectorClock& past = nodes_[depth].past[thread];
+  const auto is_before = [](const Node& e, const VectorClock& p) { return e.ordinal <= p.at[e.thread]; };
+  const auto is_first = [&](unsigned end, const VectorClock& p) {
+    for (unsigned k = event + 1; k < end; ++k) {
+      if (!is_before(n, nodes_[k].past_after) && is_before(nodes_[k], p)) return false;
+    }
+    return true;
+  };
+  Mask initials = 0;
+  Mask seen = 0;
   for (unsigned j = event + 1; j < depth; ++j) {
-    if (nodes_[j].ordinal <= past.at[nodes_[j].thread]) initials |= n.enabled & bit(nodes_[j].thread);
+    const Node& e = nodes_[j];
+    if ((seen & bit(e.thread)) != 0 || is_before(n, e.past_after)) continue;
+    seen |= bit(e.thread);
+    if (is_first(j, e.past_after)) initials |= bit(e.thread);
   }
+  if ((seen & bit(thread)) == 0 && is_first(depth, past)) initials |= bit(thread);
+  initials &= n.enabled;
   if ((initials & n.backtrack) != 0) return;
   if ((initials & bit(thread)) != 0) {
     n.backtrack |= bit(thread);

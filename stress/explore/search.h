@@ -91,7 +91,7 @@ class Search {
 
   void begin_execution() noexcept { depth_ = 0; }
   Next decide(const Memory& memory, std::span<const Pending> pending);
-  void done(const Effect& effect, std::uint32_t ordinal) noexcept;
+  void done(const Effect& effect, const VectorClock& past) noexcept;
   /// Turns to the next schedule; false if none is left.
   bool advance();
 
@@ -125,6 +125,7 @@ class Search {
     std::uint8_t preemptions = 0;
     bool wrote = false;          ///< what the step tried did
     std::uint32_t ordinal = 0;  ///< number of the step in its thread
+    VectorClock past_after;     ///< of the thread, with the step
   };
 
   bool sleeps() const noexcept { return options_.reduce && !options_.preemptions; }
@@ -135,10 +136,11 @@ class Search {
   bool try_thread(unsigned depth, std::uint8_t thread) noexcept;
   void fill(Node& n, const Memory& memory, std::span<const Pending> pending) const noexcept;
   void inherit_sleep(Node& n) const noexcept;
-  void find_races(unsigned depth) noexcept;
-  void find_races_with(unsigned event, unsigned depth, std::uint8_t thread) noexcept;
   bool conflict(const Node& event, const Step& next) const noexcept;
-  void go_back(unsigned event, unsigned depth, std::uint8_t thread) noexcept;
+  bool is_race(unsigned event, std::uint8_t thread, const Step& step, const VectorClock& past) const noexcept;
+  void find_races(unsigned depth, bool is_blocked) noexcept;
+  void find_races_bounded(unsigned depth) noexcept;
+  void go_back(unsigned event, unsigned depth, std::uint8_t thread, const VectorClock& past) noexcept;
   void go_back_bounded(unsigned at, std::uint8_t thread) noexcept;
 
   SearchOptions options_;
