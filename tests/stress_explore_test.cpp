@@ -247,13 +247,7 @@ TEST(Memory, ReadersShareALockAndWritersDoNot) {
 }
 
 TEST(Memory, AWaitThatNobodyEndsIsReported) {
-  const Found found = explore({[](Litmus& l) {
-                                 l.mutex.lock();
-                               },
-                               [](Litmus& l) {
-                                 l.mutex.lock();
-                               }},
-                              0);
+  const Found found = explore({[](Litmus& l) { l.mutex.lock(); }, [](Litmus& l) { l.mutex.lock(); }}, 0);
   EXPECT_GT(found.blocked, 0u);
   const auto spin = [](Litmus& l) {
     for (unsigned turn = 0; l.w[0].load(kAcquire) == 0; ++turn) ModelSync::wait_turn(turn);

@@ -33,7 +33,10 @@ template <class Cache>
 class Drive {
  public:
   Drive(const Scenario& scenario, Stamping stamping)
-      : scenario_(scenario), stamping_(stamping), verdicts_(stage_, stamping), engine_(thread_count(scenario)) {
+      : scenario_(scenario),
+        stamping_(stamping),
+        verdicts_(stage_, stamping),
+        engine_(thread_count(scenario)) {
     read_scenario();
     program_.threads = thread_count(scenario);
     program_.prepare = [this](bool is_dirty) { prepare(is_dirty); };
@@ -81,7 +84,8 @@ class Drive {
       o.id = id++;
       return o;
     };
-    for (unsigned i = 0; i < scenario_.before; ++i) log_.before.push_back(insert(Stage::kind(Stage::kHere, 0)));
+    for (unsigned i = 0; i < scenario_.before; ++i)
+      log_.before.push_back(insert(Stage::kind(Stage::kHere, 0)));
     if (scenario_.is_warm) {
       for (unsigned t = 0; t < thread_count(scenario_); ++t)
         log_.before.push_back(insert(Stage::kind(Stage::kElsewhere, 1)));
@@ -175,7 +179,8 @@ class Drive {
   static std::string return_text(const LoggedOperation& o) {
     if (!o.is_query) return fmt::format("has inserted record {}", o.id);
     std::string text = fmt::format("has seen {} records", o.seen_count);
-    for (unsigned i = 0; i < o.seen_count; ++i) text += fmt::format("{} {}", i == 0 ? ":" : ",", o.seen[i] & ~kTorn);
+    for (unsigned i = 0; i < o.seen_count; ++i)
+      text += fmt::format("{} {}", i == 0 ? ":" : ",", o.seen[i] & ~kTorn);
     return text;
   }
 

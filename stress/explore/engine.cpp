@@ -110,8 +110,9 @@ void Engine::touch(const void* begin, std::size_t bytes, bool writes) {
   const std::optional<Race> race = memory_.touch(self, begin, bytes, writes);
   if (!race) return;
   stop(Ending::Kind::raced,
-       fmt::format("data race: thread {} {} {} bytes that thread {} {}, and nothing orders the two", race->second,
-                   writes ? "writes" : "reads", bytes, race->first, race->first_writes ? "has written" : "has read"));
+       fmt::format("data race: thread {} {} {} bytes that thread {} {}, and nothing orders the two",
+                   race->second, writes ? "writes" : "reads", bytes, race->first,
+                   race->first_writes ? "has written" : "has read"));
   for (;;) Fibers::pause();
 }
 
@@ -159,7 +160,7 @@ void Engine::choose_replayed() noexcept {
     if (!pending_[t].is_live) continue;
     is_live = true;
     choices[t] = memory_.choices(t, pending_[t].access, pending_[t].location);
-    if (choices[t].count > 0) enabled |= 1u << t;
+    if (choices[t].count > 0 && !memory_.is_waiting(t)) enabled |= 1u << t;
   }
   next_ = kNobody;
   if (enabled == 0) {
@@ -188,7 +189,8 @@ void Engine::choose_replayed() noexcept {
 
 void Engine::trace_step(unsigned thread, const Access& a, const Effect& effect, Location l) {
   const bool failed = a.kind == Access::Kind::compare_exchange && !effect.wrote;
-  std::string text = fmt::format("  {} word {}, {}", name_of(a.kind), l, name_of(failed ? a.failure : a.order));
+  std::string text =
+      fmt::format("  {} word {}, {}", name_of(a.kind), l, name_of(failed ? a.failure : a.order));
   if (!a.is_blind()) text += fmt::format(": reads {}", effect.read);
   if (effect.is_stale) {
     text += fmt::format(" (stale: {} newer)", memory_.stores(l) - 1 - effect.index);

@@ -72,7 +72,7 @@ struct Access {
   const void* address = nullptr;
   std::uint64_t in_place = 0;  ///< value in memory; the first one, if nobody has touched the word yet
   std::uint64_t operand = 0;
-  std::uint64_t expected = 0;            ///< compare_exchange
+  std::uint64_t expected = 0;              ///< compare_exchange
   std::uint64_t mask = ~std::uint64_t{0};  ///< of the word's bits
 
   bool may_write() const noexcept { return kind != Kind::load; }
@@ -128,6 +128,7 @@ class Memory {
 
   /// `thread` will not read again what it read last: it waits for something newer there.
   void await_newer(unsigned thread) noexcept;
+  bool is_waiting(unsigned thread) const noexcept { return threads_[thread].is_waiting; }
 
   /// An access to plain memory, and the race it ends, if any.
   std::optional<Race> touch(unsigned thread, const void* begin, std::size_t bytes, bool writes);

@@ -16,7 +16,8 @@ namespace icbench::stress::explore {
 /// An integer word of up to 64 bits.
 template <class T>
 class ModelAtomic {
-  static_assert(std::is_integral_v<T> && sizeof(T) <= sizeof(std::uint64_t), "the model keeps values in 64 bits");
+  static_assert(std::is_integral_v<T> && sizeof(T) <= sizeof(std::uint64_t),
+                "the model keeps values in 64 bits");
 
  public:
   ModelAtomic() noexcept = default;

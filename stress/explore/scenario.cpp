@@ -16,6 +16,7 @@ constexpr Scenario kScenarios[] = {
     {"install", {"i1", "i1"}, false, 0, false},
     {"install_deep", {"i2", "i2"}, true, 0, false},
     {"insert_query", {"i1", "q"}, false, 0, false},
+    {"insert_over_old", {"i0", "q"}, false, 1, false},
     {"insert_queries", {"i1", "q q"}, true, 0, false},
     {"two_readers", {"i1", "q", "q"}, true, 0, false},
     {"two_inserts", {"i1", "i1", "q"}, true, 0, false},

@@ -46,7 +46,9 @@ unsigned thread_count(const Scenario& s) noexcept;
 
 enum class Stamping : std::uint8_t { stamped, unstamped };
 inline constexpr std::array<std::string_view, 2> kStampingNames = {"stamped", "unstamped"};
-constexpr std::string_view name_of(Stamping s) noexcept { return kStampingNames[static_cast<std::size_t>(s)]; }
+constexpr std::string_view name_of(Stamping s) noexcept {
+  return kStampingNames[static_cast<std::size_t>(s)];
+}
 
 /// The records and queries of scenarios.
 class Stage {

@@ -64,13 +64,18 @@ bool Search::try_thread(unsigned depth, std::uint8_t thread) noexcept {
 
 void Search::fill(Node& n, const Memory& memory, std::span<const Pending> pending) const noexcept {
   n.asleep_below.fill(0);
-  n.enabled = n.backtrack = n.tried = 0;
+  n.enabled = n.backtrack = n.tried = n.waiting = 0;
   for (std::uint8_t t = 0; t < pending.size(); ++t) {
     Step& s = n.next[t];
     const Pending& p = pending[t];
     s.is_live = p.is_live;
     n.past[t] = memory.past(t);
     if (!p.is_live) continue;
+    if (memory.is_waiting(t)) {
+      s.is_live = false;
+      n.waiting |= memory.choices(t, p.access, p.location).count > 0 ? kWoken : kWaiting;
+      continue;
+    }
     s.kind = p.access.kind;
     s.may_write = p.access.may_write();
     s.is_total = p.access.is_seq_cst();
@@ -106,7 +111,8 @@ Search::Next Search::decide(const Memory& memory, std::span<const Pending> pendi
     find_races_bounded(depth_);
   }
   if (n.enabled == 0) {
-    return {is_live ? Verdict::blocked : Verdict::finished};
+    if ((n.waiting & kWoken) != 0) return {Verdict::redundant};
+    return {is_live || n.waiting != 0 ? Verdict::blocked : Verdict::finished};
   }
   n.by_rule = thread_by_rule(n.enabled, last_thread(depth_));
   if (sleeps() && depth_ > 0) inherit_sleep(n);

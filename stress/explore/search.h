@@ -18,6 +18,10 @@
 //   does not, so both are tried; no happens-before shortens the list of conflicts, any two steps at one location of which
 //   one may write are one, and nothing sleeps.
 //
+// A thread that waits in a loop (Sync::wait_turn) is left waiting: whatever it would do when it goes on, it also does in
+// the schedule in which it has not come to the loop before, because a turn of such a loop changes nothing. So only waits
+// that never end are of interest; the rest is cut short.
+//
 // Both are compared with the search of all schedules in tests/stress_explore_test.cpp.
 #pragma once
 
@@ -118,15 +122,18 @@ class Search {
     /// Choices below this index have been covered elsewhere; 0: awake.
     std::array<std::uint16_t, kMaxThreads> asleep_below{};
     std::array<VectorClock, kMaxThreads> past;
-    Mask enabled = 0, backtrack = 0, tried = 0;
+    Mask enabled = 0, backtrack = 0, tried = 0, waiting = 0;
     std::uint8_t thread = 0;   ///< the one being tried
     std::uint8_t choice = 0;   ///< of its choices
     std::uint8_t by_rule = 0;  ///< who would step by the rule of `encode`
     std::uint8_t preemptions = 0;
-    bool wrote = false;          ///< what the step tried did
+    bool wrote = false;         ///< what the step tried did
     std::uint32_t ordinal = 0;  ///< number of the step in its thread
     VectorClock past_after;     ///< of the thread, with the step
   };
+
+  /// Threads in a loop that waits: for something that has not come, or that has.
+  static constexpr Mask kWaiting = 1, kWoken = 2;
 
   bool sleeps() const noexcept { return options_.reduce && !options_.preemptions; }
   std::optional<std::uint8_t> last_thread(unsigned depth) const noexcept;
