@@ -44,6 +44,14 @@ SearchOptions search_options(const ExploreOptions& options) {
   return search;
 }
 
+bool is_wanted(const ExploreOptions& options, const ExploreSubject& subject) {
+  return options.caches.empty() ||
+         std::find(options.caches.begin(), options.caches.end(), subject.name) != options.caches.end();
+}
+bool is_wanted(const ExploreOptions& options, const Scenario& scenario) {
+  return !scenario.is_long || options.extent == Extent::full;
+}
+
 Exploration explore_one(const ExploreSubject& subject, const Scenario& scenario, Stamping stamping,
                         const SearchOptions& search) {
   const std::uint32_t promised = promised_checks(subject.traits.consistency);
@@ -90,11 +98,9 @@ std::vector<Exploration> explore_all(const ExploreOptions& options, const Explor
   std::vector<Exploration> out;
   if (options.extent == Extent::off) return out;
   for (const ExploreSubject& subject : all_explore_subjects()) {
-    const bool is_wanted = options.caches.empty() || std::find(options.caches.begin(), options.caches.end(),
-                                                               subject.name) != options.caches.end();
-    if (!is_wanted || subject.explore == nullptr) continue;
+    if (!is_wanted(options, subject) || subject.explore == nullptr) continue;
     for (const Scenario& scenario : all_scenarios()) {
-      if (scenario.is_long && options.extent != Extent::full) continue;
+      if (!is_wanted(options, scenario)) continue;
       for (const Stamping stamping : kStampings) {
         progress(fmt::format("{} {}", subject.name, scenario.name));
         out.push_back(explore_one(subject, scenario, stamping, search_options(options)));
@@ -102,6 +108,17 @@ std::vector<Exploration> explore_all(const ExploreOptions& options, const Explor
     }
   }
   return out;
+}
+
+std::size_t exploration_count(const ExploreOptions& options) {
+  const auto subjects = all_explore_subjects();
+  const auto scenarios = all_scenarios();
+  const auto caches = std::count_if(subjects.begin(), subjects.end(), [&](const ExploreSubject& s) {
+    return is_wanted(options, s) && s.explore != nullptr;
+  });
+  const auto programs = std::count_if(scenarios.begin(), scenarios.end(),
+                                      [&](const Scenario& s) { return is_wanted(options, s); });
+  return static_cast<std::size_t>(caches * programs) * std::size(kStampings) + all_explore_controls().size();
 }
 
 std::vector<ExploredControl> explore_controls(const ExploreOptions& options,
@@ -113,10 +130,10 @@ std::vector<ExploredControl> explore_controls(const ExploreOptions& options,
     result.control = control.subject.name;
     result.fault = control.fault;
     result.check = control.check;
+    progress(fmt::format("{}, which must be caught", control.subject.name));
     for (const std::string_view name : control.scenarios) {
       for (const Stamping stamping : kStampings) {
         if (name.empty() || result.is_caught) continue;
-        progress(fmt::format("{} {}", control.subject.name, name));
         const Scenario& scenario = *find_scenario(name);
         SearchOptions search = search_options(options);
         search.preemptions.reset();  // a control is caught for certain only where nothing is left out
@@ -135,10 +152,10 @@ std::vector<ExploredControl> explore_controls(const ExploreOptions& options,
   return out;
 }
 
-std::vector<std::string> exempt_caches() {
+std::vector<std::string> exempt_caches(const ExploreOptions& options) {
   std::vector<std::string> out;
   for (const ExploreSubject& subject : all_explore_subjects()) {
-    if (subject.explore == nullptr && !subject.traits.single_thread &&
+    if (is_wanted(options, subject) && subject.explore == nullptr && !subject.traits.single_thread &&
         subject.traits.consistency != Consistency::none)
       out.emplace_back(subject.name);
   }

@@ -48,8 +48,11 @@ std::vector<Exploration> explore_all(const ExploreOptions& options, const Explor
 /// Each until it is caught, or no schedule is left. Ends by itself, whatever the bound.
 std::vector<ExploredControl> explore_controls(const ExploreOptions& options, const ExploreProgress& progress);
 
+/// How often the two together report progress, at most.
+std::size_t exploration_count(const ExploreOptions& options);
+
 /// Names of the caches that explore_all leaves out, but for those of one thread and the one that keeps nothing.
-std::vector<std::string> exempt_caches();
+std::vector<std::string> exempt_caches(const ExploreOptions& options);
 
 /// A replayed schedule in words: every step, the end, what is violated. An id is "cache:scenario:stamping:schedule". Fails
 /// with one line if there is no such schedule.
