@@ -48,8 +48,8 @@ def _cards(c: Correctness) -> str:
                  if kept == len(promised) else "conditions promised; the others were BROKEN, see the banner",
                  kept != len(promised))
     made += _card("Operations judged", f"{operations:,}",
-                  f"with {pairs:,} overlapping pairs of a query and an insert that concerned it: only those "
-                  "can go wrong")
+                  f"with {pairs:,} overlapping pairs of a query and an insert that concerned it, which is where "
+                  "races show")
     broken = c.broken_caches
     if broken:
         caught = sum(b.is_caught for b in broken)
@@ -91,9 +91,8 @@ def _witness(c: Correctness) -> str:
         reason = step.reason.replace("the next", after).replace("the first", after)
         items.append(f"<li>Thread {step.thread}: {text(step.what)}; called at {step.begin:,}, {end}. It "
                      f"{text(reason)}, so it comes before {after}.</li>")
-    why = ("does not promise that a query is an atomic snapshot, and here it was none"
-           if cache == "wait_free" else "in a contradiction")
-    return (f'<p>In words: <code>{text(cache)}</code> {why}.</p><ol>{"".join(items)}</ol>'
+    why = ", which does not promise that a query is an atomic snapshot" if cache == "wait_free" else ""
+    return (f'<p>In words, for <code>{text(cache)}</code>{why}:</p><ol>{"".join(items)}</ol>'
             "<p>Each would have to come before the next, and the last before the first: no order explains the "
             f"answers. As icstress printed it:</p><pre>{text(witness)}</pre>")
 
@@ -188,7 +187,7 @@ def _controls(c: Correctness) -> str:
              f"<td>{_by_histories(b)}</td><td>{_by_schedules(b, c)}</td></tr>" for b in c.broken_caches]
     if not lines:
         return "<h3>Caches broken on purpose</h3>" + note_line("none were run")
-    notes = "".join(note_line(f"{o['control']}, correct but held to {words(o['check'])}, which it does not "
+    notes = "".join(note_line(f"the correct cache {o['control']}, held to {words(o['check'])}, which it does not "
                               f"promise, was seen violating it in {_rounds(o)}") for o in c.overstated)
     return ("<h3>Caches broken on purpose</h3><p>Each has one fault; the checks have to find it.</p>"
             + table("<th>broken cache and its fault</th><th>caught by histories</th>"
