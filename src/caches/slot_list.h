@@ -31,10 +31,11 @@ namespace icbench {
 
 /// Puts `fresh` into an empty `word` unless another thread was faster; returns the winner. One CAS. The loser's unit
 /// becomes `spare`. `failure` orders what the winner published.
-template <class Atomic, class Counters>
-UnitIndex install(Atomic& word, UnitIndex fresh, UnitIndex& spare, Counters& counters) noexcept {
+template <class Sync, class Counters>
+UnitIndex install(typename Sync::template Atomic<UnitIndex>& word, UnitIndex fresh, UnitIndex& spare,
+                  Counters& counters) noexcept {
   UnitIndex winner = 0;
-  counters.template add<&Counts::cas_attempts>(1);
+  if constexpr (Sync::kConcurrent) counters.template add<&Counts::cas_attempts>(1);
   if (word.compare_exchange_strong(winner, fresh, std::memory_order_release /* P2, P3 */,
                                    std::memory_order_acquire /* P2, P3 */)) {
     return fresh;
@@ -254,7 +255,7 @@ class SlotPool {
       if (fresh == 0) return nullptr;
       counters.template add<&Counts::nodes_allocated>(1);
     }
-    return &segment(install(link, fresh, spare, counters));
+    return &segment(install<Sync>(link, fresh, spare, counters));
   }
 
   /// f(Slot&) for the slots of a list that had been handed out when this was called, as far as their segments are there.
