@@ -20,7 +20,7 @@ from figure import OneLineParser
 from results import InputError
 
 kHeld, kBroken, kViolated, kUnseen = "held", "BROKEN", "violated", "not seen"
-kNumber, kMaybeNumber = (int, float), (int, float, type(None))
+kNumber, kMaybeNumber, kBound = (int, float), (int, float, type(None)), (int, float, str, type(None))
 # What an entry of each section has to hold. Older files lack all but the first two.
 kSections = {
     "checks": {"cache": str, "check": str, "verdict": str, "promised": bool, "operations": kNumber,
@@ -32,8 +32,7 @@ kSections = {
                   "replay": str, "witness": str},
     "explored_controls": {"control": str, "fault": str, "check": str, "caught": bool, "schedules": kNumber,
                           "replay": str, "witness": str},
-    "progress": {"cache": str, "operation": str, "declared": str, "bound": kMaybeNumber,
-                 "most_steps": kNumber, "steps_by_interference": list, "positions": kNumber,
+    "progress": {"cache": str, "operation": str, "declared": str, "bound": kBound, "most_steps": kNumber, "steps_by_interference": list, "positions": kNumber,
                  "blocked_positions": kNumber, "verdict": str, "note": str}}
 kRequired = ("checks", "controls")
 kVerdicts = ("holds", "violated")
@@ -161,6 +160,14 @@ def words(name: str) -> str:
     """A name of the file for people: "per-record linearizable"."""
     return name.replace("per_record", "per-record").replace("wait_free", "wait-free").replace(
         "lock_free", "lock-free").replace("_", " ")
+
+
+def bound_of(progress: dict) -> tuple[float | None, str]:
+    """A documented bound as a number of steps and in words, each if it is given."""
+    bound, steps = progress["bound"], progress.get("bound_steps")
+    if isinstance(bound, kNumber):
+        return bound, ""
+    return (steps or None) if isinstance(steps, kNumber) else None, bound or ""
 
 
 def _check(path: Path, section: str, index: int, entry) -> None:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import style
-from correctness import Caught, Correctness, cycle_of, kHeld, words
+from correctness import bound_of, Caught, Correctness, cycle_of, kHeld, words
 from tables import note_line, table, text
 
 kTitle = "Are the caches correct?"
@@ -153,7 +153,7 @@ def _how_far(entries: list[dict]) -> str:
     reach: dict[str, set] = {}
     for e in entries:
         said = ("cut short" if not e["complete"] else "every interleaving" if e["preemptions"] is None
-                else f"all with up to {style.plural(int(e['preemptions']), 'preemption')}")
+                else f"all interleavings with up to {style.plural(int(e['preemptions']), 'preemption')}")
         reach.setdefault(said, set()).add((e["scenario"], e["threads"]))
     return "; ".join(f"{style.plural(len(names), 'scenario')}: {said}" for said, names in reach.items())
 
@@ -229,13 +229,15 @@ def _progress(c: Correctness, drawn: str) -> str:
         return head + note_line(kOlder.rstrip("."))
     lines = []
     for p in c.progress:
-        bound = "–" if p["bound"] is None else f'{p["bound"]:,.6g}'
+        steps, said = bound_of(p)
+        bound = "–" if steps is None else f"{steps:,.6g}"
         blocked = f'{int(p["blocked_positions"]):,} of {int(p["positions"]):,}' if p["positions"] else "–"
-        verdict = f'<b class="alarm">BROKEN</b> {text(p["note"])}' if p["verdict"] == "violated" else (
-            text(p["note"] or words(p["verdict"])))
+        remark = text("; ".join(part for part in (p["note"], said and f"bound: {said}") if part))
+        if p["verdict"] == "violated":
+            remark = f'<b class="alarm">BROKEN</b> {remark}'
         lines.append(f'<tr><td>{text(p["cache"])}</td><td>{text(p["operation"])}</td>'
                      f'<td>{text(words(p["declared"]))}</td><td class="n">{int(p["most_steps"]):,}</td>'
-                     f'<td class="n">{bound}</td><td class="n">{blocked}</td><td>{verdict}</td></tr>')
+                     f'<td class="n">{bound}</td><td class="n">{blocked}</td><td>{remark}</td></tr>')
     return (head + "<p>Atomic steps were counted while others interfered, and a thread was stopped for ever after "
             "each of its steps in turn. A cache with locks is held up then, as it declares: that is reported, "
             "no fault.</p>" + drawn

@@ -8,7 +8,7 @@ import style  # first: it checks what is installed
 import pandas as pd
 from matplotlib import ticker
 
-from correctness import Correctness, load
+from correctness import bound_of, Correctness, load
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import cache_handles
 
@@ -17,7 +17,7 @@ def build(c: Correctness) -> Built:
     if c.progress is None:
         raise Omitted("the file says nothing about progress")
     table = pd.DataFrame([{"cache": p["cache"], "operation": p["operation"], "declared": p["declared"],
-                           "bound": p["bound"], "interfering_operations": n, "steps": steps}
+                           "bound": bound_of(p)[0], "interfering_operations": n, "steps": steps}
                           for p in c.progress for n, steps in p["steps_by_interference"]])
     if table.empty:
         raise Omitted("no steps were counted against interference")
@@ -55,9 +55,9 @@ def _draw(axes, layout, part: pd.DataFrame) -> None:
 FIGURE = Figure(
     "steps", "Steps against interference",
     "How many atomic steps one operation takes when other threads complete ever more operations in between, "
-    "under a schedule that is out to delay it. A flat line below its dashed bound is what wait-free means: "
-    "others cannot make the operation longer. A line that climbs with the interference is at best lock-free. "
-    "Both axes are logarithmic.",
+    "under a schedule that is out to delay it. A wait-free operation stays below its dashed bound: an insert "
+    "takes as long as ever, a query at most grows with the records that were there when it read the length of a "
+    "list. A line that climbs without a bound is lock-free at best. Both axes are logarithmic.",
     build)
 
 if __name__ == "__main__":

@@ -243,7 +243,8 @@ def model_verdicts(**sections) -> dict:
         for operation, bound in (("insert", 60), ("query", 400)):
             free = cache.startswith("wait_free")
             progress.append({"cache": cache, "operation": operation,
-                             "declared": "wait_free" if free else "blocking", "bound": bound if free else None,
+                             "declared": "wait_free" if free else "blocking",
+                             "bound": "20 and 4 a level" if free else "", "bound_steps": bound if free else 0,
                              "most_steps": 41, "steps_by_interference": [[n, 41] for n in (0, 1, 4, 16, 64)],
                              "positions": 41, "blocked_positions": 0 if free else 37, "verdict": "holds",
                              "note": "" if free else "others wait while it holds the lock"})
@@ -686,11 +687,12 @@ class Correctness(InFolder):
                      "with 1,500 overlapping pairs", '<div class="value">2 of 2</div>',
                      "2 of them by a schedule that can be replayed", 'id="correctness-promises"',
                      'id="correctness-witness"', 'id="correctness-steps"',
-                     "1 scenario: every interleaving; 1 scenario: all with up to 3 preemptions",
+                     "1 scenario: every interleaving; 1 scenario: all interleavings with up to 3 "
+                     "preemptions",
                      "linearizable (not promised, <code>a:1201</code>)", "after 17 schedules, replay <code>b:77</code>",
                      "nothing concurrent was tested: sequential",
                      "The correct cache wait_free, held to linearizable",
-                     "37 of 41", "others wait while it holds the lock",
+                     '<td class="n">400</td>', "bound: 20 and 4 a level", "37 of 41", "others wait while it holds the lock",
                      "Processors &lt;other&gt; than this one.")
         self.assertEqual(References(page).tags & {"script", "iframe", "link", "object", "embed"}, set())
         for target in re.findall(r'href="#([^"]+)"', page):
@@ -771,6 +773,18 @@ class Correctness(InFolder):
         for anchor in ("correctness", "correctness-2", "correctness-2-promises"):
             self.assertEqual(page.count(f'id="{anchor}"'), 1, anchor)
         self.assertTrue((self.folder / "out/figures/correctness-2/promises.pdf").exists())
+
+    def test_bounds_may_be_words_numbers_or_absent(self):
+        self.assertEqual(correctness.bound_of({"bound": "4 a level", "bound_steps": 60}), (60, "4 a level"))
+        self.assertEqual(correctness.bound_of({"bound": "", "bound_steps": 0}), (None, ""))
+        self.assertEqual(correctness.bound_of({"bound": 60}), (60, ""))
+        self.assertEqual(correctness.bound_of({"bound": None}), (None, ""))
+        self.good("steps.py", self.verdicts(), "--out", self.folder)
+        lines = read_csv(self.folder / "steps.csv")
+        self.assertEqual({(line["cache"], line["bound"]) for line in lines if line["operation"] == "insert"},
+                         {("sequential", ""), ("global_mutex", ""), ("wait_free", "60"),
+                          ("wait_free_snapshot", "60")})
+        self.assertEqual(len(lines), 4 * 2 * 5)
 
     def test_the_witness_is_drawn_from_its_stamps(self):
         path = self.verdicts()
