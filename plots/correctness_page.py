@@ -48,8 +48,8 @@ def _cards(c: Correctness) -> str:
                  if kept == len(promised) else "conditions promised; the others were BROKEN, see the banner",
                  kept != len(promised))
     made += _card("Operations judged", f"{operations:,}",
-                  f"with {pairs:,} overlapping pairs of a query and an insert that concerned it, which is where "
-                  "races show")
+                  f"with {pairs:,} overlapping pairs of a query and an insert that concerned it, which is "
+                  "where races show")
     broken = c.broken_caches
     if broken:
         caught = sum(b.is_caught for b in broken)
@@ -93,8 +93,8 @@ def _witness(c: Correctness) -> str:
                      f"{text(reason)}, so it comes before {after}.</li>")
     why = ", which does not promise that a query is an atomic snapshot" if cache == "wait_free" else ""
     return (f'<p>In words, for <code>{text(cache)}</code>{why}:</p><ol>{"".join(items)}</ol>'
-            "<p>Each would have to come before the next, and the last before the first: no order explains the "
-            f"answers. As icstress printed it:</p><pre>{text(witness)}</pre>")
+            "<p>Each would have to come before the next, and the last before the first: no order explains "
+            f"the answers. As icstress printed it:</p><pre>{text(witness)}</pre>")
 
 
 def _histories(c: Correctness) -> str:
@@ -115,7 +115,7 @@ def _histories(c: Correctness) -> str:
     alone = [cache for cache in dict.fromkeys(e["cache"] for e in c.checks)
              if all(not e["concurrent_pairs"] for e in c.checks if e["cache"] == cache)]
     head = ('<th>cache</th><th>strictest promise</th><th class="n">operations</th>'
-            '<th class="n">overlapping pairs</th><th>violations of what was not promised</th>')
+            '<th class="n">overlapping pairs</th><th>violations (no promise unless BROKEN)</th>')
     note = (f"without an overlapping pair, so nothing concurrent was tested: {', '.join(alone)}" if alone
             else "")
     return ("<h3>Histories: long and random</h3>" + table(head, lines) + note_line(note)
@@ -176,9 +176,10 @@ def _explored(c: Correctness) -> str:
                      f'<td>{text(_how_far(mine))}</td>'
                      f'<td>{text(", ".join(words(k) for k in dict.fromkeys(e["check"] for e in mine)))}</td>'
                      f'<td>{"<br>".join(found) or "–"}</td></tr>')
-    return (head + "<p>Two or three threads with a few operations each, on the code that ships, driven through "
-            "their interleavings step by step. A violation found here happens every time its schedule is "
-            "replayed.</p>" + table('<th>cache</th><th class="n">schedules</th><th>how far</th><th>judged by</th>'
+    return (head + "<p>Two or three threads with a few operations each, on the code that ships, driven "
+            "through their interleavings step by step. A violation found here happens every time its schedule is "
+            "replayed.</p>"
+            + table('<th>cache</th><th class="n">schedules</th><th>how far</th><th>judged by</th>'
                     "<th>violated, with the schedule to replay</th>", lines))
 
 
@@ -187,11 +188,18 @@ def _controls(c: Correctness) -> str:
              f"<td>{_by_histories(b)}</td><td>{_by_schedules(b, c)}</td></tr>" for b in c.broken_caches]
     if not lines:
         return "<h3>Caches broken on purpose</h3>" + note_line("none were run")
-    notes = "".join(note_line(f"the correct cache {o['control']}, held to {words(o['check'])}, which it does not "
-                              f"promise, was seen violating it in {_rounds(o)}") for o in c.overstated)
+    notes = "".join(note_line(f"the correct cache {o['control']}, held to {words(o['check'])}, which it does "
+                              f"not promise, was seen violating it {_seen_how(o)}") for o in c.overstated)
     return ("<h3>Caches broken on purpose</h3><p>Each has one fault; the checks have to find it.</p>"
             + table("<th>broken cache and its fault</th><th>caught by histories</th>"
                     "<th>caught by a schedule</th>", lines) + notes)
+
+
+def _seen_how(control: dict) -> str:
+    if "rounds" in control:
+        return f"in {_rounds(control)}"
+    tried = style.plural(int(control["schedules"]), "schedule")
+    return f"after {tried} (replay {control['replay']})" if control["caught"] else f"in none of {tried}"
 
 
 def _rounds(control: dict) -> str:
@@ -238,9 +246,9 @@ def _progress(c: Correctness, drawn: str) -> str:
         lines.append(f'<tr><td>{text(p["cache"])}</td><td>{text(p["operation"])}</td>'
                      f'<td>{text(words(p["declared"]))}</td><td class="n">{int(p["most_steps"]):,}</td>'
                      f'<td class="n">{bound}</td><td class="n">{blocked}</td><td>{remark}</td></tr>')
-    return (head + "<p>Atomic steps were counted while others interfered, and a thread was stopped for ever after "
-            "each of its steps in turn. A cache with locks is held up then, as it declares: that is reported, "
-            "no fault.</p>" + drawn
+    return (head + "<p>Atomic steps were counted while others interfered, and a thread was stopped for ever "
+            "after each of its steps in turn. A cache with locks is held up then, as it declares: that is "
+            "reported, no fault.</p>" + drawn
             + table('<th>cache</th><th>operation</th><th>declared</th><th class="n">most steps</th>'
                     '<th class="n">bound</th><th class="n">stops that held others up</th><th>remark</th>',
                     lines))
@@ -256,8 +264,8 @@ def _not_examined(c: Correctness) -> str:
         items.append(f"By the run that wrote this file: {', '.join(missing)}.")
     excused = [b.control for b in c.broken_caches if not b.is_caught and b.is_excused]
     if excused:
-        items.append(f"The fault of {', '.join(excused)}: this processor does not show it, and no schedule was "
-                     "tried.")
+        items.append(f"The fault of {', '.join(excused)}: this processor does not show it, and no schedule "
+                     "was tried.")
     items += c.not_examined or []
     made = "".join(f"<li>{text(item)}</li>" for item in items)
     said = "" if c.not_examined is not None else note_line("the file does not list what icstress left out")

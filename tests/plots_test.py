@@ -209,7 +209,7 @@ def model_results(threads=(1, 2, 4, 8, 16, 32, 64), workloads=tuple(kWorkloads),
 
 
 kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
-kCycle = """round 4 (few places, stamps by counter, no delays): cycle of 3 operations, each of which must precede the next
+kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
   thread 1 [129, 130] insert of record 82, place 0, size 0
     returned before the next was called
   thread 3 [153, 154] insert of record 162, place 0, size 3
@@ -225,7 +225,7 @@ def model_verdicts(**sections) -> dict:
     for cache, promised in caches.items():
         for i, check in enumerate(kChecks):
             violated = i >= promised and cache != "sequential"
-            witness = kCycle if violated and check == "linearizable" else "the frame was not kept" if violated else ""
+            witness = (kCycle if check == "linearizable" else "the frame was not kept") if violated else ""
             checks.append({"cache": cache, "check": check, "verdict": "violated" if violated else "holds",
                            "promised": i < promised, "operations": 1000, "seed": 1,
                            "concurrent_pairs": 0 if cache == "sequential" else 500,
@@ -257,6 +257,7 @@ def model_verdicts(**sections) -> dict:
                            "required": True, "rounds_violated": 1}]
     explored = [{"control": name, "fault": "a fault", "check": "integrity", "caught": True, "schedules": 17,
                  "replay": "b:77", "witness": ""} for name in ("relaxed_publication", "publish_before_fill")]
+    explored.append(explored[0] | {"control": "wait_free", "check": "linearizable"})
     made = {"checks": checks, "controls": controls, "schedules": schedules, "explored_controls": explored,
             "progress": progress, "not_examined": ["Processors <other> than this one."]} | sections
     return {name: entries for name, entries in made.items() if entries is not None}
@@ -662,8 +663,8 @@ class Correctness(InFolder):
         return write_results(self.folder / "correctness.json", data)
 
     def page(self, *arguments) -> str:
-        results_file = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
-        self.good("report.py", results_file, *arguments, "--out", self.folder / "out")
+        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        self.good("report.py", small, *arguments, "--out", self.folder / "out")
         return (self.folder / "out/report.html").read_text(encoding="utf-8")
 
     def section(self) -> str:
@@ -683,17 +684,17 @@ class Correctness(InFolder):
         self.assertEqual(self.judge(path).returncode, 0)
         page = self.page()
         self.assertEqual(page.count('class="banner"') + page.count('class="alarm"'), 0)
-        self.holds(page, 'id="correctness"', '<div class="value">15 of 15</div>', '<div class="value">4,000</div>',
-                     "with 1,500 overlapping pairs", '<div class="value">2 of 2</div>',
-                     "2 of them by a schedule that can be replayed", 'id="correctness-promises"',
-                     'id="correctness-witness"', 'id="correctness-steps"',
-                     "1 scenario: every interleaving; 1 scenario: all interleavings with up to 3 "
-                     "preemptions",
-                     "linearizable (not promised, <code>a:1201</code>)", "after 17 schedules, replay <code>b:77</code>",
-                     "nothing concurrent was tested: sequential",
-                     "The correct cache wait_free, held to linearizable",
-                     '<td class="n">400</td>', "bound: 20 and 4 a level", "37 of 41", "others wait while it holds the lock",
-                     "Processors &lt;other&gt; than this one.")
+        self.holds(page, 'id="correctness"', 'id="correctness-promises"', 'id="correctness-witness"',
+                   'id="correctness-steps"', '<div class="value">15 of 15</div>',
+                   '<div class="value">4,000</div>', "with 1,500 overlapping pairs",
+                   '<div class="value">2 of 2</div>', "2 of them by a schedule that can be replayed",
+                   "1 scenario: every interleaving; 1 scenario: all interleavings with up to 3 preemptions",
+                   "linearizable (not promised, <code>a:1201</code>)",
+                   "after 17 schedules, replay <code>b:77</code>", "nothing concurrent was tested: sequential",
+                   "which it does not promise, was seen violating it in 7 of 8 rounds",
+                   "which it does not promise, was seen violating it after 17 schedules (replay b:77)",
+                   '<td class="n">400</td>', "bound: 20 and 4 a level", "37 of 41",
+                   "others wait while it holds the lock", "Processors &lt;other&gt; than this one.")
         self.assertEqual(References(page).tags & {"script", "iframe", "link", "object", "embed"}, set())
         for target in re.findall(r'href="#([^"]+)"', page):
             self.assertEqual(page.count(f'id="{target}"'), 1, target)
@@ -745,6 +746,9 @@ class Correctness(InFolder):
         self.assertEqual(done.returncode, 1)
         self.assertIn("too weak: wait_free was not seen violating linearizable in 8 rounds", done.stdout)
         self.holds(self.section(), '<div class="banner">The stress was too weak')
+        path = self.changed("explored_controls", {"control": "wait_free"}, caught=False)
+        self.assertIn("too weak: wait_free was not seen violating linearizable in 17 schedules",
+                      self.judge(path).stdout)
         self.changed("explored_controls", {"control": "relaxed_publication"}, caught=False)
         self.holds(self.section(), "relaxed_publication was caught neither by histories nor by schedules",
                    "NOT CAUGHT")
@@ -754,10 +758,11 @@ class Correctness(InFolder):
         self.assertEqual(self.judge(path).returncode, 0)  # what this processor cannot show is excused
         page = self.page()
         self.assertEqual(page.count("was written by an icstress that did not examine it"), 2)
-        self.holds(page, "interleavings one by one, broken caches by schedule, step bounds and stopped threads",
-                     "The fault of relaxed_publication: this processor does not show it",
-                     "does not list what icstress left out", "<td>not examined</td>",
-                     "Steps against interference: left out")
+        self.holds(page,
+                   "interleavings one by one, broken caches by schedule, step bounds and stopped threads",
+                   "The fault of relaxed_publication: this processor does not show it",
+                   "does not list what icstress left out", "<td>not examined</td>",
+                   "Steps against interference: left out")
         self.assertEqual(page.count('class="banner"'), 0)
 
     def test_without_verdicts_the_page_says_how_to_get_them(self):
@@ -793,7 +798,8 @@ class Correctness(InFolder):
         self.assertEqual([(line["thread"], line["call"], line["return"]) for line in lines],
                          [("1", "129", "130"), ("3", "153", "154"), ("0", "117", "204")])
         self.assertEqual([line["reason"] for line in lines],
-                         ["returned before the next was called", "was seen by the next", "did not see the first"])
+                         ["returned before the next was called", "was seen by the next",
+                          "did not see the first"])
         self.holds(self.section(), "It was seen by operation 3, so it comes before operation 3.",
                    "It did not see operation 1, so it comes before operation 1.")
         pending = correctness.steps_of(kCycle.replace("154]", "never]"))
@@ -814,7 +820,8 @@ class Correctness(InFolder):
         wrong = {"text": "not json", "list": "[]", "nothing": "{}", "controls": '{"checks": []}',
                  "empty": '{"checks": [], "controls": []}',
                  "entry": json.dumps(model_verdicts(checks=[3])),
-                 "verdict": json.dumps(model_verdicts(checks=[model_verdicts()["checks"][0] | {"verdict": "maybe"}])),
+                 "verdict": json.dumps(model_verdicts(checks=[model_verdicts()["checks"][0]
+                                                              | {"verdict": "maybe"}])),
                  "type": json.dumps(model_verdicts(schedules=[{"cache": 1}])),
                  "pairs": json.dumps(model_verdicts(progress=[model_verdicts()["progress"][0]
                                                               | {"steps_by_interference": [[1]]}])),
@@ -941,7 +948,8 @@ class Findings(InFolder):
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         found = findings.of_strictness(setup, 8)
         self.assertEqual(found.value, "0.750× [0.750, 0.750]")
-        self.assertIn("wait_free_snapshot, whose queries are atomic snapshots, over that of wait_free", found.text)
+        self.assertIn("of wait_free_snapshot, whose queries are atomic snapshots, over that of wait_free",
+                      found.text)
         self.assertNotIn("Undecided", found.text)
         self.assertIn(found, findings.findings(setup))
         self.assertIsNone(findings.of_strictness(self.setup_of(), 8))  # only one of the two was measured
