@@ -387,6 +387,8 @@ std::uint64_t random_programs(std::uint64_t usual) {
   return wanted != nullptr ? std::strtoull(wanted, nullptr, 10) : usual;
 }
 
+constexpr std::uint64_t kPrograms = 400;
+
 struct Size {
   unsigned threads, steps;
 };
@@ -394,7 +396,7 @@ constexpr Size kSizes[] = {{2, 4}, {3, 2}, {3, 3}, {4, 2}};
 
 TEST(Reduction, LosesNoOutcome) {
   std::uint64_t all = 0, reduced = 0;
-  for (std::uint64_t seed = 0; seed < random_programs(4000); ++seed) {
+  for (std::uint64_t seed = 0; seed < random_programs(kPrograms); ++seed) {
     const Size size = kSizes[seed % std::size(kSizes)];
     RandomRun run(random_program(seed, size.threads, size.steps));
     const auto expected = run.explore({.preemptions = {}, .reduce = false});
@@ -407,13 +409,37 @@ TEST(Reduction, LosesNoOutcome) {
 }
 
 TEST(Reduction, LosesNoOutcomeWithinABound) {
-  for (std::uint64_t seed = 0; seed < random_programs(4000); ++seed) {
+  for (std::uint64_t seed = 0; seed < random_programs(kPrograms); ++seed) {
     const Size size = kSizes[seed % std::size(kSizes)];
     RandomRun run(random_program(seed, size.threads, size.steps));
     for (unsigned bound = 0; bound < 3; ++bound) {
       const auto expected = run.explore({.preemptions = bound, .reduce = false});
       const auto got = run.explore({.preemptions = bound});
       ASSERT_EQ(keys(got), keys(expected)) << "seed " << seed << ", bound " << bound;
+    }
+  }
+}
+
+/// What has been printed of a schedule, decoded and run again, ends the same way.
+TEST(Replays, AreTheSameExecution) {
+  for (std::uint64_t seed = 0; seed < random_programs(300); ++seed) {
+    const Size size = kSizes[seed % std::size(kSizes)];
+    RandomRun run(random_program(seed, size.threads, size.steps));
+    std::map<std::string, Outcome> by_schedule;
+    Program program = run.program();
+    program.judge = [&](const Ending& ending) {
+      const auto [at, is_new] = by_schedule.emplace(run.engine().schedule_text(), run.outcome(ending));
+      EXPECT_TRUE(is_new) << "two schedules of one name: " << at->first;
+      return true;
+    };
+    run.engine().explore(program, {});
+    for (const auto& [text, outcome] : by_schedule) {
+      const auto deviations = decode(text);
+      ASSERT_TRUE(deviations) << text;
+      std::vector<TraceLine> trace;
+      const auto ending = run.engine().replay(program, *deviations, trace);
+      ASSERT_TRUE(ending) << text;
+      EXPECT_EQ(run.outcome(*ending), outcome) << text;
     }
   }
 }

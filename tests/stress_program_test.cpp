@@ -52,6 +52,9 @@ TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
   expect_bad_usage("--json /nonexistent/x.json", "/nonexistent/x.json");
   expect_bad_usage("--json /", "directory");
   expect_bad_usage("wait_free", "unexpected argument");
+  expect_bad_usage("--explore much", "--explore");
+  expect_bad_usage("--preemptions -1", "--preemptions");
+  expect_bad_usage("--replay wait_fre:install:stamped:0", "did you mean 'wait_free'");
 }
 
 TEST(StressProgram, ReportsEveryCheckAndControl) {
@@ -77,7 +80,7 @@ TEST(StressProgram, ReportsEveryCheckAndControl) {
   EXPECT_TRUE((rows[{"global_mutex", "linearizable"}].at("promised").get<bool>()));
   EXPECT_FALSE((rows[{"wait_free", "linearizable"}].at("promised").get<bool>()));
   EXPECT_TRUE((rows[{"wait_free", "per_record_linearizable"}].at("promised").get<bool>()));
-  EXPECT_GE(results.at("controls").size(), 11u);
+  EXPECT_GE(results.at("controls").size(), 13u);
   for (const auto& control : results.at("controls")) {
     if (!control.at("required").get<bool>()) continue;
     EXPECT_TRUE(control.at("seen").get<bool>()) << control.at("control");
@@ -85,14 +88,40 @@ TEST(StressProgram, ReportsEveryCheckAndControl) {
   }
 }
 
+TEST(StressProgram, ReportsExploredSchedules) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "verdicts.json").string();
+  const Outcome outcome = icstress("--caches wait_free --check integrity --operations 100 --json " + file);
+  ASSERT_EQ(outcome.status, 0) << outcome.errors;
+  std::ifstream in(file);
+  const nlohmann::json results = nlohmann::json::parse(in);
+  EXPECT_GE(results.at("schedules").size(), 20u);
+  for (const auto& row : results.at("schedules")) {
+    EXPECT_EQ(row.at("cache"), "wait_free");
+    EXPECT_EQ(row.at("check"), "per_record_linearizable");
+    EXPECT_EQ(row.at("verdict"), "holds");
+    EXPECT_TRUE(row.at("complete").get<bool>());
+    EXPECT_TRUE(row.at("preemptions").is_null());
+    EXPECT_GE(row.at("threads").get<unsigned>(), 2u);
+  }
+  EXPECT_GE(results.at("explored_controls").size(), 13u);
+  for (const auto& row : results.at("explored_controls")) {
+    EXPECT_TRUE(row.at("caught").get<bool>()) << row.at("control");
+    EXPECT_EQ(icstress("--replay " + row.at("replay").get<std::string>()).status, 1) << row.at("replay");
+  }
+  EXPECT_EQ(icstress("--replay wait_free:install:stamped:0").status, 0);
+}
+
 TEST(StressProgram, ReportsTheChecksAskedFor) {
   const TemporaryFolder folder;
   const std::string file = (folder / "verdicts.json").string();
-  ASSERT_EQ(icstress("--caches null --check regular --operations 100 --json " + file).status, 0);
+  ASSERT_EQ(icstress("--caches null --check regular --operations 100 --explore off --json " + file).status,
+            0);
   std::ifstream in(file);
   const nlohmann::json results = nlohmann::json::parse(in);
   ASSERT_EQ(results.at("checks").size(), 1u);
   EXPECT_EQ(results.at("checks")[0].at("check"), "regular");
+  EXPECT_EQ(results.at("schedules").size() + results.at("explored_controls").size(), 0u);
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace icbench::stress::explore {
 
 namespace {
 
-constexpr std::uint64_t kBriefSchedules = 100'000;  // per cache, scenario and stamping
+constexpr std::uint64_t kBriefSchedules = 200'000;  // per cache, scenario and stamping
 constexpr std::uint64_t kFullSchedules = 20'000'000;
 constexpr Stamping kStampings[] = {Stamping::stamped, Stamping::unstamped};
 

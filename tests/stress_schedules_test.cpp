@@ -1,0 +1,99 @@
+// The caches under every schedule: promises hold, broken caches are caught, and a schedule can be had again.
+#include <gtest/gtest.h>
+
+#include "stress/explore/explore.h"
+
+namespace icbench::stress::explore {
+namespace {
+
+void ignore(const std::string&) {}
+
+class Explored : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(Explored, KeepsItsPromiseUnderEverySchedule) {
+  ExploreOptions options;
+  options.caches = {GetParam()};
+  const std::vector<Exploration> explorations = explore_all(options, ignore);
+  EXPECT_GE(explorations.size(), 20u);
+  for (const Exploration& e : explorations) {
+    EXPECT_TRUE(e.coverage.complete) << e.scenario;
+    EXPECT_GT(e.coverage.schedules, 0u) << e.scenario;
+    EXPECT_EQ(e.violations, 0u) << e.scenario << "\n" << e.witness << "\n" << e.replay;
+  }
+}
+
+std::vector<std::string> driven_caches() {
+  std::vector<std::string> names;
+  for (const ExploreSubject& s : all_explore_subjects()) {
+    if (s.explore != nullptr) names.emplace_back(s.name);
+  }
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Explored, ::testing::ValuesIn(driven_caches()),
+                         [](const auto& at) { return at.param; });
+
+TEST(ExploredControls, AreAllCaughtAndCanBeReplayed) {
+  const std::vector<ExploredControl> controls = explore_controls({}, ignore);
+  ASSERT_EQ(controls.size(), all_explore_controls().size());
+  for (const ExploredControl& c : controls) {
+    ASSERT_TRUE(c.is_caught) << c.control << ": " << c.fault;
+    EXPECT_FALSE(c.witness.empty()) << c.control;
+    const Replay first = replay(c.replay);
+    EXPECT_TRUE(first.is_violated) << c.replay;
+    EXPECT_NE(first.text.find(c.witness), std::string::npos) << first.text;
+    EXPECT_EQ(first.text, replay(c.replay).text);
+  }
+}
+
+TEST(ExploredControls, AreCaughtAfterTheSameSchedulesAgain) {
+  const std::vector<ExploredControl> once = explore_controls({}, ignore),
+                                     again = explore_controls({}, ignore);
+  for (std::size_t i = 0; i < once.size(); ++i) {
+    EXPECT_EQ(once[i].schedules, again[i].schedules) << once[i].control;
+    EXPECT_EQ(once[i].replay, again[i].replay);
+  }
+}
+
+TEST(ExploredControls, AStaleReadIsNamedInTheTrace) {
+  for (const ExploredControl& c : explore_controls({}, ignore)) {
+    if (c.control != "clock_read_late") continue;
+    EXPECT_NE(replay(c.replay).text.find("stale"), std::string::npos) << c.replay;
+  }
+}
+
+TEST(ExploredCaches, KeepTheirPromisesWithinABoundToo) {
+  ExploreOptions options;
+  options.caches = {"wait_free"};
+  options.preemptions = 1;
+  for (const Exploration& e : explore_all(options, ignore)) {
+    EXPECT_EQ(e.violations, 0u) << e.scenario;
+    EXPECT_TRUE(e.coverage.complete) << e.scenario;
+    EXPECT_EQ(e.preemptions, 1u);
+  }
+}
+
+void expect_refused(const std::string& id, const std::string& hint) {
+  try {
+    replay(id);
+    ADD_FAILURE() << id << " was replayed";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find(hint), std::string::npos) << e.what();
+  }
+}
+
+TEST(Replay, RefusesWhatIsNoSchedule) {
+  expect_refused("wait_free", "CACHE:SCENARIO");
+  expect_refused("wait_fre:install:stamped:0", "did you mean 'wait_free'");
+  expect_refused("wait_free:instal:stamped:0", "did you mean 'install'");
+  expect_refused("wait_free:install:stampd:0", "did you mean 'stamped'");
+  expect_refused("wait_free:install:stamped:", "looks like");
+  expect_refused("wait_free:install:stamped:1x2", "looks like");
+  expect_refused("wait_free:install:stamped:0t3", "no such schedule");
+  expect_refused("wait_free:install:stamped:0r9", "no such schedule");
+  expect_refused("wait_free:install:stamped:900t1", "no such schedule");
+  EXPECT_FALSE(replay("wait_free:install:stamped:0").is_violated);
+}
+
+}  // namespace
+}  // namespace icbench::stress::explore
