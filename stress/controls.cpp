@@ -14,6 +14,7 @@ namespace {
 constexpr std::uint32_t kMostRounds = 48;
 constexpr std::uint32_t kShareRounds = 12;
 constexpr std::uint32_t kOptionalRounds = 8;
+constexpr std::uint32_t kFewestThreads = 4;  // one of the faults takes three to show
 constexpr std::uint32_t kMostThreads = 256;  // more show nothing new and take minutes
 constexpr std::uint32_t kRoundOperations = 4'000;
 constexpr std::uint32_t kDelayEvery = 24;
@@ -67,7 +68,7 @@ ControlOutcome run_control(const Control& control, const CampaignOptions& option
     RoundPlan plan;
     // The first two shapes: few places, where most pairs overlap, and young trees, where installs race.
     plan.shape = &all_shapes()[control.share > 0.0 ? 0 : i % 2];
-    plan.threads = std::min(options.threads, kMostThreads);
+    plan.threads = std::clamp(options.threads, kFewestThreads, kMostThreads);
     plan.operations = kRoundOperations;
     plan.seed = hash_keys(options.seed, i, 1);
     plan.clock = clock_of_round(options, i / 2);

@@ -30,7 +30,7 @@ struct ControlOutcome {
   Totals totals;
 };
 
-/// Runs rounds with frequent delays, on 256 threads at most, until the control is seen failing, or gives up.
+/// Runs rounds with frequent delays, on 4 to 256 threads, until the control is seen failing, or gives up.
 ControlOutcome run_control(const Control& control, const CampaignOptions& options);
 
 }  // namespace icbench::stress
