@@ -28,6 +28,7 @@ class ControlList {
   struct Workspace {};
 
   explicit ControlList(const CacheConfig& config) : slots_(config.capacity) {}
+  void prefault(Workspace&, std::uint32_t) noexcept {}
 
  protected:
   struct Slot {

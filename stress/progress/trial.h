@@ -42,9 +42,10 @@ struct StepTally {
 
 class Trial {
  public:
-  /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1.
+  /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1. A pool is
+  /// made short by further sessions, which take as much beforehand as they can get.
   Trial(Stage& stage, const ProgressSubject& subject, const Landscape& landscape, std::uint32_t sessions,
-        const std::vector<Prefill>& prefill);
+        const std::vector<Prefill>& prefill, bool is_pool_short);
   Trial(const Trial&) = delete;
   Trial& operator=(const Trial&) = delete;
 
