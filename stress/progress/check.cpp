@@ -7,53 +7,15 @@
 
 #include "core/names.h"
 #include "core/random.h"
-#include "stress/progress/trial.h"
+#include "stress/progress/settings.h"
 
 namespace icbench::stress {
 
 namespace {
 
-using Type = Operation::Type;
-
-// Radii whose records lie in the root, near it, half way down and at the bottom (core/octree.h), in the unit cube.
-constexpr float kRadii[] = {1.0f, 0x1p-1f, 0x1p-5f, 0x1p-20f};
-constexpr std::uint32_t kSizes = std::size(kRadii);
-constexpr std::uint32_t kPlaces = 2;
-constexpr std::uint32_t kKinds = kPlaces * kSizes;
-constexpr Shape kShape = {"progress", kPlaces, kRadii, 0, 0, 1, 0};
+using namespace progress;
 
 constexpr unsigned kVictim = 0, kOther = 1, kThird = 2, kSecondVictim = 3, kFibers = 4;
-
-// Lengths of a list before an insert: empty, with room, its first chunk full, its third, and its last.
-constexpr std::uint32_t kLengths[] = {0, 1, 4, 28, 252};
-
-/// An operation and what is there before it; the records are at place 0.
-struct Setting {
-  std::vector<Prefill> prefill;
-  Request victim;
-  bool is_interfered;  ///< in the short form too
-  bool is_pool_short = false;
-};
-
-std::vector<Setting> insert_settings() {
-  std::vector<Setting> settings;
-  for (std::uint32_t kind = 0; kind < kSizes; ++kind) {
-    for (const std::uint32_t n : kLengths) settings.push_back({{{kind, n}}, {Type::insert, kind}, n == 0});
-  }
-  // A path of which the lower part is missing.
-  settings.push_back({{{2, 1}}, {Type::insert, 3}, true});
-  // Where every allocation has to go to a pool that has no whole piece left.
-  for (const std::uint32_t kind : {0u, 3u}) settings.push_back({{}, {Type::insert, kind}, false, true});
-  return settings;
-}
-
-std::vector<Setting> query_settings() {
-  const Request query{Type::query, 0};
-  return {{{}, query, false},
-          {{{0, 1}, {1, 1}, {2, 1}, {3, 1}}, query, true},
-          {{{0, 5}, {1, 5}, {kSizes + 1, 5}}, query, true},
-          {{{1, 253}}, query, false}};
-}
 
 class ProgressCheck {
  public:
@@ -89,6 +51,15 @@ class ProgressCheck {
     std::string witness;
   };
 
+  /// What accusations add from here on: the setting they are about.
+  void set_scene(const Setting& setting) {
+    scene_ = setting.victim.type == Type::insert ? fmt::format("; a record of size {}", setting.victim.where)
+                                                 : "; a query";
+    for (const Prefill& p : setting.prefill)
+      scene_ += fmt::format(", {} of size {} before", p.records, p.kind % kSizes);
+    if (setting.is_pool_short) scene_ += ", a short pool";
+  }
+
   Account& account(Type type) noexcept { return accounts_[static_cast<std::size_t>(type)]; }
   ProgressGuarantee declared(Type type) const noexcept {
     return type == Type::insert ? subject_.traits.insert : subject_.traits.query;
@@ -106,7 +77,7 @@ class ProgressCheck {
   void enter(Trial& trial, Type type, fmt::format_string<Args...> schedule, Args&&... args) {
     Trial::Outcome outcome = trial.finish();
     ++account(type).schedules;
-    const auto where = [&] { return fmt::format(schedule, std::forward<Args>(args)...); };
+    const auto where = [&] { return fmt::format(schedule, args...); };
     for (const Type t : {Type::insert, Type::query}) {
       StepTally& tally = outcome.tallies[static_cast<std::size_t>(t)];
       if (tally.exceeded > 0) accuse(t, tally.witness + ", " + where());
@@ -116,8 +87,8 @@ class ProgressCheck {
     accuse(type, fmt::format("{} does not hold, {}", outcome.broken, where()));
     if (account(type).witness.empty()) account(type).witness = std::move(outcome.witness);
   }
-  void accuse(Type type, std::string line) {
-    if (account(type).fault.empty()) account(type).fault = std::move(line);
+  void accuse(Type type, const std::string& line) {
+    if (account(type).fault.empty()) account(type).fault = line + scene_;
   }
 
   /// Lets fibers [first, end) run in turns of `points` points until none can. After many turns, those become longer: one
@@ -145,6 +116,7 @@ class ProgressCheck {
     for (const Setting& setting : settings) {
       if (setting.is_pool_short && (sessions_ == 1 || declared(Type::insert) == ProgressGuarantee::blocking))
         continue;
+      set_scene(setting);
       const std::uint64_t points = run_alone(setting);
       if (sessions_ == 1) continue;
       stop_everywhere(setting, points);
@@ -207,6 +179,7 @@ class ProgressCheck {
     std::vector<Setting> settings = {{{{1, 1}}, {Type::insert, 1}, false}};
     if (options_.is_long) settings = insert_settings();
     for (const Setting& setting : settings) {
+      set_scene(setting);
       const std::uint64_t points = run_alone(setting);
       for (std::uint64_t k = 0; k < points; ++k) {
         for (std::uint64_t j = 0; !stop_pair(setting, k, j); ++j) {
@@ -284,6 +257,7 @@ class ProgressCheck {
 
   /// Operations of all kinds by three fibers: in turns, one starved, and switching at random.
   void run_mixed() {
+    scene_.clear();
     const std::vector<Prefill> none, some = {{1, 4}, {2, 1}};
     std::uint64_t round = 0;
     const auto make = [&](std::uint32_t operations) {
@@ -383,6 +357,7 @@ class ProgressCheck {
   std::uint32_t sessions_;
   Landscape landscape_;
   Stage stage_;
+  std::string scene_;
   std::array<Account, 2> accounts_;
 };
 
