@@ -45,6 +45,7 @@ struct Options {
   CampaignOptions campaign;
   explore::Extent extent = explore::Extent::brief;
   std::optional<unsigned> preemptions;
+  explore::Extent progress = explore::Extent::brief;
   std::string replay;
   std::string json;
 };
@@ -62,6 +63,8 @@ class Run {
   const Report& run() {
     run_histories();
     if (options_.extent != explore::Extent::off) run_schedules();
+    if (options_.progress != explore::Extent::off) run_progress();
+    say_what_was_left_out();
     return report_;
   }
 
@@ -91,6 +94,45 @@ class Run {
     for (const auto& control : explore::explore_controls(options, advance)) report_.add(control);
     report_.exempt(explore::exempt_caches(options));
     progress.finish();
+  }
+
+  void run_progress() {
+    ProgressOptions options;
+    options.seed = options_.campaign.seed;
+    options.is_long = options_.progress == explore::Extent::full;
+    Progress progress("progress", static_cast<double>(caches_.size() + all_progress_controls().size()));
+    for (const ProgressSubject& subject : all_progress_subjects()) {
+      if (std::find(caches_.begin(), caches_.end(), subject.traits.name) == caches_.end()) continue;
+      for (const ProgressResult& result : check_progress(subject, options)) report_.add(result);
+      progress.advance(1.0, subject.traits.name);
+    }
+    for (const ProgressControl& control : all_progress_controls()) {
+      report_.add(control, run_progress_control(control, options));
+      progress.advance(1.0, control.name);
+    }
+    progress.finish();
+  }
+
+  void say_what_was_left_out() {
+    report_.not_examined(
+        "Histories on other processors than this one: an order that only weaker memory allows shows itself "
+        "in "
+        "explored schedules alone.");
+    if (options_.extent == explore::Extent::off) report_.not_examined("Schedules: they were switched off.");
+    if (options_.extent == explore::Extent::brief)
+      report_.not_examined("Schedules of the long form (icstress --explore long).");
+    report_.not_examined(
+        "Explored schedules: loads that see stores not yet made (load buffering), stores that take effect in "
+        "another "
+        "order than they were made, and more than three threads with a few operations each.");
+    report_.not_examined(
+        "Locks of libraries (std::mutex, std::shared_mutex, oneTBB): in explored schedules and under a count "
+        "of steps "
+        "they are models that block in the same cases.");
+    if (options_.progress == explore::Extent::off) report_.not_examined("Progress: it was switched off.");
+    report_.not_examined(
+        "Progress under weak memory, and of operations at quiescent points, which wait for everybody by "
+        "contract.");
   }
 
   const Options& options_;
@@ -178,6 +220,9 @@ int run_program(int argc, char** argv) {
   app.add_option("--preemptions", options.preemptions,
                  "most preemptions in an explored schedule; unbounded if not given")
       ->check(CLI::Range(0u, 1000u));
+  app.add_option("--progress", options.progress, "step bounds and stopped threads: off, short or long")
+      ->transform(CLI::Transformer(kExtents, CLI::ignore_case))
+      ->default_str("short");
   const CLI::Option* replay = app.add_option("--replay", options.replay,
                                              "print the schedule of this id, step by step, and nothing else");
   const CLI::Option* json = app.add_option("--json", options.json, "file for the verdicts");

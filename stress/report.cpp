@@ -87,11 +87,55 @@ void Report::add(const explore::ExploredControl& c) {
                                 {"witness", c.witness}});
 }
 
+void Report::add(const ProgressResult& r) {
+  auto steps = ordered_json::array();
+  for (const InterferenceSteps& s : r.steps_by_interference) steps.push_back({s.inserts, s.steps});
+  const bool is_bounded = r.declared == ProgressGuarantee::wait_free;
+  progress_.push_back({{"cache", r.cache},
+                       {"operation", r.operation},
+                       {"declared", to_string(r.declared)},
+                       {"bound", is_bounded ? ordered_json(r.bound) : ordered_json()},
+                       {"bound_steps", is_bounded ? ordered_json(r.bound_steps) : ordered_json()},
+                       {"most_steps", r.most_steps},
+                       {"steps_by_interference", steps},
+                       {"positions", r.stop_positions},
+                       {"blocked_positions", r.blocking_positions},
+                       {"operations", r.operations},
+                       {"schedules", r.schedules},
+                       {"verdict", r.verdict()},
+                       {"note", r.note},
+                       {"witness", r.witness},
+                       {"seed", seed_}});
+}
+
+void Report::add(const ProgressControl& control, const ProgressControlOutcome& outcome) {
+  const ProgressResult& shown = outcome.results[control.operation == "insert" ? 0 : 1];
+  progress_controls_.push_back({{"control", control.name},
+                                {"fault", control.fault},
+                                {"operation", control.operation},
+                                {"must", control.is_violation ? "violate" : "grow"},
+                                {"seen", outcome.seen},
+                                {"note", shown.note},
+                                {"seed", seed_}});
+}
+
 ordered_json Report::to_json() const {
-  return {{"checks", checks_},
-          {"controls", controls_},
-          {"schedules", schedules_},
-          {"explored_controls", explored_controls_}};
+  ordered_json all = {{"checks", checks_}, {"controls", controls_}};
+  // A part that was switched off is absent, lest it look as if nothing had been found.
+  if (!explored_controls_.empty()) {
+    all["schedules"] = schedules_;
+    all["explored_controls"] = explored_controls_;
+  }
+  if (!progress_controls_.empty()) {
+    all["progress"] = progress_;
+    all["progress_controls"] = progress_controls_;
+  }
+  all["not_examined"] = not_examined_;
+  for (const std::string& cache : exempt_) {
+    all["not_examined"].push_back(fmt::format(
+        "Schedules of {}: it is built on a foreign container, whose steps cannot be scheduled.", cache));
+  }
+  return all;
 }
 
 bool Report::print() const {
@@ -99,14 +143,19 @@ bool Report::print() const {
   const unsigned unseen = print_controls();
   const unsigned broken_by_schedule = print_schedules();
   const unsigned uncaught = print_explored_controls();
-  if (broken + broken_by_schedule > 0) fmt::print("\n{} broken promises\n", broken + broken_by_schedule);
+  const unsigned unkept = print_progress();
+  const unsigned unseen_progress = print_progress_controls();
+  const unsigned all_broken = broken + broken_by_schedule + unkept;
+  if (all_broken > 0) fmt::print("\n{} broken promises\n", all_broken);
   if (unseen > 0) {
     fmt::print(
         "\nthe stress was too weak: {} controls were not seen failing; use more threads or other seeds\n",
         unseen);
   }
   if (uncaught > 0) fmt::print("\nthe exploration was too weak: {} controls were not caught\n", uncaught);
-  const bool is_well = broken + unseen + broken_by_schedule + uncaught == 0;
+  if (unseen_progress > 0)
+    fmt::print("\nthe check of progress was too weak: {} controls were not seen\n", unseen_progress);
+  const bool is_well = all_broken + unseen + uncaught + unseen_progress == 0;
   if (is_well) fmt::print("\nall promises held, all controls were seen failing\n");
   return is_well;
 }
@@ -194,6 +243,39 @@ unsigned Report::print_explored_controls() const {
     uncaught += !caught;
   }
   return uncaught;
+}
+
+unsigned Report::print_progress() const {
+  if (progress_.empty()) return 0;
+  unsigned unkept = 0;
+  fmt::print("\n{:<19} {:<7} {:<10} {:>7} {:>7} {:>16}  {}\n", "cache, progress", "of", "declared", "steps",
+             "bound", "stops that block", "verdict");
+  for (const ordered_json& row : progress_) {
+    const bool holds = text(row, "verdict") == "holds";
+    fmt::print("{:<19} {:<7} {:<10} {:>7} {:>7} {:>6} of {:>6}  {}\n", text(row, "cache"),
+               text(row, "operation"), text(row, "declared"), number(row, "most_steps"),
+               row["bound_steps"].is_null() ? "-" : std::to_string(number(row, "bound_steps")),
+               number(row, "blocked_positions"), number(row, "positions"), text(row, "verdict"));
+    if (!holds) {
+      fmt::print("    {}\n", text(row, "note"));
+      if (!text(row, "witness").empty()) print_witness(text(row, "witness"));
+    }
+    unkept += !holds;
+  }
+  return unkept;
+}
+
+unsigned Report::print_progress_controls() const {
+  if (progress_controls_.empty()) return 0;
+  unsigned unseen = 0;
+  fmt::print("\n{:<26} {:<8} {:<8} {:<5}  {}\n", "control, progress", "in", "must", "seen", "note");
+  for (const ordered_json& row : progress_controls_) {
+    const bool seen = is(row, "seen");
+    fmt::print("{:<26} {:<8} {:<8} {:<5}  {}\n", text(row, "control"), text(row, "operation"),
+               text(row, "must"), seen ? "yes" : "NO", text(row, "note"));
+    unseen += !seen;
+  }
+  return unseen;
 }
 
 }  // namespace icbench::stress

@@ -12,6 +12,7 @@
 #include "stress/campaign.h"
 #include "stress/controls.h"
 #include "stress/explore/explore.h"
+#include "stress/progress/controls.h"
 
 namespace icbench::stress {
 
@@ -26,6 +27,10 @@ class Report {
   void add(const explore::ExploredControl& control);
   /// Names of caches that were to be explored but cannot be.
   void exempt(std::vector<std::string> caches) { exempt_ = std::move(caches); }
+  void add(const ProgressResult& result);
+  void add(const ProgressControl& control, const ProgressControlOutcome& outcome);
+  /// What this run left out, in a sentence.
+  void not_examined(std::string what) { not_examined_.push_back(std::move(what)); }
 
   /// Prints all that there is; whether every promise held and every control was caught.
   bool print() const;
@@ -39,6 +44,8 @@ class Report {
   unsigned print_controls() const;
   unsigned print_schedules() const;
   unsigned print_explored_controls() const;
+  unsigned print_progress() const;
+  unsigned print_progress_controls() const;
 
   std::uint64_t seed_;
   Rows checks_ = Rows::array();
@@ -46,6 +53,9 @@ class Report {
   Rows schedules_ = Rows::array();
   Rows explored_controls_ = Rows::array();
   std::vector<std::string> exempt_;
+  Rows progress_ = Rows::array();
+  Rows progress_controls_ = Rows::array();
+  std::vector<std::string> not_examined_;
 };
 
 }  // namespace icbench::stress
