@@ -258,6 +258,33 @@ TEST(Memory, AWaitThatNobodyEndsIsReported) {
   EXPECT_EQ(woken.outcomes.size(), 1u);
 }
 
+TEST(Memory, ASpinLockLetsOneInAtATime) {
+  struct State {
+    SpinLock<ModelSync> lock;
+    std::uint32_t plain = 0;
+    std::array<std::uint32_t, 3> order{};
+  };
+  std::optional<State> state;
+  std::set<std::array<std::uint32_t, 3>> orders;
+  Engine engine;
+  Program program;
+  program.threads = 3;
+  program.prepare = [&](bool) { state.emplace(); };
+  program.body = [&](unsigned t) {
+    state->lock.lock();
+    ModelSync::writes(&state->plain, sizeof state->plain);
+    state->order[t] = state->plain++;
+    state->lock.unlock();
+  };
+  program.judge = [&](const Ending& ending) {
+    EXPECT_EQ(ending.kind, Ending::Kind::finished) << ending.what;
+    orders.insert(state->order);
+    return true;
+  };
+  EXPECT_TRUE(engine.explore(program, {}).complete);
+  EXPECT_EQ(orders.size(), 6u);
+}
+
 // Random programs: the reduced search shows what the full one shows.
 
 struct Instruction {

@@ -6,12 +6,13 @@
 // of different threads may change places unless they are at one location and both write, or one reads what the other has
 // just written. (A load that read an older store may change places with a store: that store could not hide anything.)
 //
-//   Without a bound: dynamic partial-order reduction (Flanagan and Godefroid 2005) with sleep sets (Godefroid 1996). A
-//   step that could have come before an earlier one, and would have changed it, makes the search go back to there. Of
-//   steps e then o of two threads at one location, not ordered by what happened in between, that is so if o may write: e
-//   could read it, or its store be the later one. It is not so if e writes and o is a load: o in front of e reads an
-//   older store, which is among its choices behind e. A thread that was tried at a node sleeps below its later siblings,
-//   with all it could have read there; it wakes for stores that are new since.
+//   Without a bound: dynamic partial-order reduction (Flanagan and Godefroid 2005) with source sets (Abdulla, Aronis,
+//   Jonsson, Sagonas 2014) and sleep sets (Godefroid 1996). When a step o is done that could have preceded an earlier one,
+//   e, of another thread, and would have changed it, the search lets something start in the place of e that leads to o.
+//   That is so if the two are at one location, nothing in between puts o after e, and o may write: e could read it, or its
+//   store be the later one. It is not so if e writes and o is a load: o in front of e reads an older store, which is among
+//   its choices behind e. A thread that was tried at a node sleeps below its later siblings, with all it could have read
+//   there; it wakes for stores that are new since.
 //
 //   With a bound on preemptions (a switch away from a thread that could go on): bounded partial-order reduction (Coons,
 //   Musuvathi, McKinley 2013). Going back to e can cost a preemption that going back to the start of its thread's turn
@@ -99,9 +100,6 @@ class Search {
   /// Turns to the next schedule; false if none is left.
   bool advance();
 
-  /// Of the execution so far.
-  unsigned depth() const noexcept { return depth_; }
-  unsigned preemptions() const noexcept { return depth_ == 0 ? 0 : nodes_[depth_ - 1].preemptions; }
   /// The execution so far, for `encode`.
   void schedule(Schedule& decisions, std::vector<std::uint8_t>& ruled) const;
 
