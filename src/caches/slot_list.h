@@ -31,10 +31,11 @@ namespace icbench {
 
 /// Puts `fresh` into an empty `word` unless another thread was faster; returns the winner. One CAS. The loser's unit
 /// becomes `spare`. `failure` orders what the winner published.
-template <class Atomic, class Counters>
-UnitIndex install(Atomic& word, UnitIndex fresh, UnitIndex& spare, Counters& counters) noexcept {
+template <class Sync, class Counters>
+UnitIndex install(typename Sync::template Atomic<UnitIndex>& word, UnitIndex fresh, UnitIndex& spare,
+                  Counters& counters) noexcept {
   UnitIndex winner = 0;
-  counters.template add<&Counts::cas_attempts>(1);
+  if constexpr (Sync::kConcurrent) counters.template add<&Counts::cas_attempts>(1);
   if (word.compare_exchange_strong(winner, fresh, std::memory_order_release /* P2, P3 */,
                                    std::memory_order_acquire /* P2, P3 */)) {
     return fresh;
@@ -67,28 +68,29 @@ class SlotPool {
   using Marks = typename Visibility::template In<Sync>;
   using Mark = typename Marks::Mark;
 
-  struct Slot {
-    Record record;
-    Mark mark;
-    // Quiescent; relaxed for that.
-    bool is_empty() const noexcept { return mark.word.load(std::memory_order_relaxed) == 0; }
-  };
-  static_assert(kFirst * sizeof(Slot) % kUnitBytes == 0 && alignof(Slot) <= kUnitBytes,
-                "chunks are whole units");
-
+  // Marks lie together behind the header, so that a short list's share its cache line.
   struct Segment {
     Atomic<UnitIndex> next;  // of chunks and top directories: the following segment
     std::uint32_t padding[3];
-    Slot* slots() noexcept { return reinterpret_cast<Slot*>(this + 1); }
+    Mark* marks() noexcept { return reinterpret_cast<Mark*>(this + 1); }
+    Record* records(int kind) noexcept { return reinterpret_cast<Record*>(marks() + slots_of(kind)); }
     Atomic<UnitIndex>* entries() noexcept { return reinterpret_cast<Atomic<UnitIndex>*>(this + 1); }
   };
   static_assert(sizeof(Segment) == kUnitBytes, "a segment's header is one pool unit");
+  static_assert(alignof(Mark) <= kUnitBytes && sizeof(Mark) % alignof(Record) == 0,
+                "marks and records lie side by side");
+
+  struct Slot {
+    Mark* mark;
+    Record* record;
+    bool is_empty() const noexcept { return mark->word.load(std::memory_order_relaxed) == 0; }  // quiescent
+  };
 
   static constexpr std::uint32_t slots_of(int kind) noexcept { return kFirst << kind; }
   static constexpr std::uint32_t units_of(int kind) noexcept {
-    const std::uint32_t bytes =
-        kind == kDirectory ? (1u << kFanBits) * sizeof(UnitIndex) : slots_of(kind) * sizeof(Slot);
-    return 1 + bytes / kUnitBytes;
+    const std::uint32_t bytes = kind == kDirectory ? (1u << kFanBits) * sizeof(UnitIndex)
+                                                   : slots_of(kind) * (sizeof(Mark) + sizeof(Record));
+    return 1 + (bytes + kUnitBytes - 1) / kUnitBytes;
   }
   static constexpr std::uint32_t kPiece = 1024;  // 16 KiB
   static constexpr std::uint32_t kSpareUnits = [] {
@@ -142,10 +144,10 @@ class SlotPool {
       s = follow(workspace, s->entries()[digit(at.rest, level)], level == 1 ? kBlock : kDirectory, counters);
       if (s == nullptr) return false;
     }
-    Slot& slot = s->slots()[at.slot()];
-    Sync::writes(&slot.record, sizeof r);
-    slot.record = r;
-    marks_.publish(slot.mark);
+    const Slot slot = at.slot_in(*s);
+    Sync::writes(slot.record, sizeof r);
+    *slot.record = r;
+    marks_.publish(*slot.mark);
     return true;
   }
 
@@ -156,10 +158,10 @@ class SlotPool {
   /// visit began.
   template <class F>
   void visit(const List& list, typename Marks::Moment moment, F&& f) noexcept {
-    for_each_slot(list, [&](Slot& slot) {
-      if (!marks_.shows(slot.mark, moment)) return;
-      Sync::reads(&slot.record, sizeof slot.record);
-      f(static_cast<const Record&>(slot.record));
+    for_each_slot(list, [&](const Slot& slot) {
+      if (!marks_.shows(*slot.mark, moment)) return;
+      Sync::reads(slot.record, sizeof(Record));
+      f(static_cast<const Record&>(*slot.record));
     });
   }
 
@@ -167,7 +169,7 @@ class SlotPool {
   template <class F>
   void for_each(const List& list, F&& f) const {
     for_each_slot(list, [&](const Slot& slot) {
-      if (!slot.is_empty()) f(slot.record);
+      if (!slot.is_empty()) f(static_cast<const Record&>(*slot.record));
     });
   }
   /// f(Record&) -> UpdateResult for every record of a list; what is kept moves up into the places of what is dropped.
@@ -178,17 +180,17 @@ class SlotPool {
     const std::uint32_t end = list.count.load(std::memory_order_relaxed);
     std::uint32_t kept = 0;
     for (std::uint32_t i = 0; i < end; ++i) {
-      Slot* s = slot_at(list, i);
-      if (s == nullptr || s->is_empty()) continue;
-      const bool keep = f(s->record) == UpdateResult::keep;
-      const auto mark = s->mark.word.load(std::memory_order_relaxed);
-      s->mark.word.store(0, std::memory_order_relaxed);
+      const Slot s = slot_at(list, i);
+      if (s.mark == nullptr || s.is_empty()) continue;
+      const bool keep = f(*s.record) == UpdateResult::keep;
+      const auto mark = s.mark->word.load(std::memory_order_relaxed);
+      s.mark->word.store(0, std::memory_order_relaxed);
       if (!keep) continue;
-      Slot* to = slot_at(list, kept);
+      Slot to = slot_at(list, kept);
       // A segment that could not be had is the last one, unless its successor was got by somebody else: stay put then.
-      while (to == nullptr) to = slot_at(list, ++kept);
-      if (to != s) to->record = s->record;
-      to->mark.word.store(mark, std::memory_order_relaxed);
+      while (to.mark == nullptr) to = slot_at(list, ++kept);
+      if (to.record != s.record) *to.record = *s.record;
+      to.mark->word.store(mark, std::memory_order_relaxed);
       ++kept;
     }
     list.count.store(kept, std::memory_order_relaxed);
@@ -217,7 +219,11 @@ class SlotPool {
   struct Place {
     int segment;
     std::uint32_t rest;
-    std::uint32_t slot() const noexcept { return segment < kChunks ? rest : rest & ((1u << kFanBits) - 1); }
+    /// The slot in `s`, the chunk or block that holds it.
+    Slot slot_in(Segment& s) const noexcept {
+      const std::uint32_t i = segment < kChunks ? rest : rest & ((1u << kFanBits) - 1);
+      return {s.marks() + i, s.records(std::min(segment, kBlock)) + i};
+    }
   };
 
   static Place place_of(std::uint32_t i) noexcept {
@@ -254,10 +260,10 @@ class SlotPool {
       if (fresh == 0) return nullptr;
       counters.template add<&Counts::nodes_allocated>(1);
     }
-    return &segment(install(link, fresh, spare, counters));
+    return &segment(install<Sync>(link, fresh, spare, counters));
   }
 
-  /// f(Slot&) for the slots of a list that had been handed out when this was called, as far as their segments are there.
+  /// f(Slot) for the slots of a list that had been handed out when this was called, as far as their segments are there.
   template <class F>
   void for_each_slot(const List& list, F&& f) const {
     // Relaxed, as in append; read once: it is the extent of this visit.
@@ -276,7 +282,9 @@ class SlotPool {
   void visit_segment(Segment& s, int height, int chunk, std::uint32_t& left, F& f) const {
     if (height == 0) {
       const std::uint32_t here = std::min(left, slots_of(chunk));
-      for (std::uint32_t i = 0; i < here; ++i) f(s.slots()[i]);
+      Mark* marks = s.marks();
+      Record* records = s.records(chunk);
+      for (std::uint32_t i = 0; i < here; ++i) f(Slot{marks + i, records + i});
       left -= here;
       return;
     }
@@ -290,8 +298,8 @@ class SlotPool {
     }
   }
 
-  /// Slot i, or nullptr if its segment is missing. Quiescent.
-  Slot* slot_at(const List& list, std::uint32_t i) const noexcept {
+  /// Slot i; nowhere if its segment is missing. Quiescent.
+  Slot slot_at(const List& list, std::uint32_t i) const noexcept {
     const Place at = place_of(i);
     UnitIndex at_unit = list.head.load(std::memory_order_relaxed);  // relaxed, as the loads below: quiescent
     for (int k = 0; k < at.segment && at_unit != 0; ++k)
@@ -299,7 +307,7 @@ class SlotPool {
     for (int level = at.segment - kChunks + 1; level > 0 && at_unit != 0; --level) {
       at_unit = segment(at_unit).entries()[digit(at.rest, level)].load(std::memory_order_relaxed);
     }
-    return at_unit == 0 ? nullptr : &segment(at_unit).slots()[at.slot()];
+    return at_unit == 0 ? Slot{} : at.slot_in(segment(at_unit));
   }
 
   Pool pool_;

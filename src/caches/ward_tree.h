@@ -235,7 +235,7 @@ class WardTree {
       if (fresh == 0) return 0;
       counters.template add<&Counts::nodes_allocated>(1);
     }
-    return install(n.child[i], fresh, workspace.spare_node_, counters);
+    return install<Sync>(n.child[i], fresh, workspace.spare_node_, counters);
   }
 
   OctreeAddressing addressing_;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <system_error>
 #include <thread>
@@ -31,25 +32,61 @@ bool start(std::vector<std::jthread>& helpers, Work& work) {
   return true;
 }
 
+/// The first exception of several threads. Read it when all have been joined.
+class FirstException {
+ public:
+  /// Calls f; false if it threw.
+  template <class F>
+  bool guard(F&& f) noexcept {
+#if defined(__cpp_exceptions)
+    try {
+      f();
+    } catch (...) {
+      // Relaxed: it only decides who keeps its exception; joining the threads publishes that.
+      if (!taken_.exchange(true, std::memory_order_relaxed)) exception_ = std::current_exception();
+      return false;
+    }
+#else
+    f();
+#endif
+    return true;
+  }
+
+  void rethrow() const {
+#if defined(__cpp_exceptions)
+    if (exception_) std::rethrow_exception(exception_);
+#endif
+  }
+
+ private:
+  std::atomic<bool> taken_{false};
+  std::exception_ptr exception_;
+};
+
 /// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the
-/// process may run on. f is called from several threads at once and must not throw.
+/// process may run on. f is called from several threads at once. If it throws, chunks may be left out, and one of the
+/// exceptions comes out of here when all threads have ended.
 template <class F>
 void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   std::atomic<std::size_t> next{0};
+  FirstException exception;
   const auto work = [&] {
     for (;;) {
       // Relaxed: chunks only have to be distinct; starting and joining the threads orders what is in them.
       const std::size_t begin = next.fetch_add(grain, std::memory_order_relaxed);
       if (begin >= n) return;
-      f(begin, std::min(begin + grain, n));
+      if (!exception.guard([&] { f(begin, std::min(begin + grain, n)); })) return;
     }
   };
   const std::size_t workers =
       std::min<std::size_t>(n / grain, std::max(1u, std::thread::hardware_concurrency()));
-  std::vector<std::jthread> helpers;
-  for (std::size_t i = 1; i < workers && start(helpers, work); ++i) {
+  {
+    std::vector<std::jthread> helpers;
+    for (std::size_t i = 1; i < workers && start(helpers, work); ++i) {
+    }
+    work();
   }
-  work();
+  exception.rethrow();
 }
 
 }  // namespace icbench
