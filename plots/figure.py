@@ -19,7 +19,7 @@ import pandas as pd
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as Canvas
 
-from results import InputError, Setup, load
+from results import InputError, load
 from style import Layout, kColumn, kReport
 
 
@@ -61,7 +61,7 @@ class Figure:
     name: str
     title: str
     how_to_read: str
-    build: Callable[[Setup], Built]  # raises Omitted
+    build: Callable  # of a Setup, or of a Correctness, to what is Built; raises Omitted
 
 
 @dataclass
@@ -136,7 +136,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     return pages
 
 
-def write(figure: Figure, setup: Setup, folder: Path) -> Written:
+def write(figure: Figure, setup, folder: Path) -> Written:
     """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`.
 
     Files that an earlier run left there under these names are removed first, also when the figure is Omitted.
@@ -170,27 +170,30 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see --help\n")
 
 
-def parser(description: str) -> OneLineParser:
+kResultsFiles = ("results.json of icbench; files of one machine and build are pooled, others get a set of "
+                 "figures of their own")
+
+
+def parser(description: str, files: str = kResultsFiles) -> OneLineParser:
     made = OneLineParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    made.add_argument("results", nargs="+", metavar="RESULTS", type=Path,
-                      help="results.json of icbench; files of one "
-                      "machine and build are pooled, others get a set of figures of their own")
+    made.add_argument("results", nargs="+", metavar="RESULTS", type=Path, help=files)
     made.add_argument("--out", type=Path, metavar="DIR",
                       help="where the files go (default: beside the first RESULTS)")
     return made
 
 
-def folder_of(setup: Setup, setups: list[Setup], out: Path) -> Path:
+def folder_of(setup, setups: list, out: Path) -> Path:
     """Several setups are kept apart by a folder each."""
     return out if len(setups) == 1 else out / setup.slug
 
 
-def main(figure: Figure) -> int:
-    """The command line of one figure script; returns the exit status."""
-    arguments = parser(f"{figure.title}.\n\n" + textwrap.fill(figure.how_to_read, 100)).parse_args()
+def main(figure: Figure, read: Callable = load, files: str = kResultsFiles) -> int:
+    """The command line of one figure script; returns the exit status. `read` makes setups of files."""
+    description = f"{figure.title}.\n\n" + textwrap.fill(figure.how_to_read, 100)
+    arguments = parser(description, files).parse_args()
     out = arguments.out or arguments.results[0].parent
     try:
-        setups = load(arguments.results)
+        setups = read(arguments.results)
         for setup in setups:
             try:
                 done = write(figure, setup, folder_of(setup, setups, out))

@@ -4,11 +4,17 @@ import contention_map
 import efficiency
 import latency
 import lock_wait
+import promises
 import redundant_records
 import speed_error
 import speedup
+import steps
 import throughput
 import utilisation
+import witness
 
+# Of what was measured.
 FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, speed_error, latency,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
+# Of what was checked.
+CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]

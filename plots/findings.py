@@ -18,6 +18,9 @@ from over_threads import cache_rows, panels_of, thread_marks
 from results import Setup, interval_of, is_lock, kMinRepetitions, kPairKeys, paired
 
 
+kStrict = "_snapshot"  # ends the name of a cache that differs from its namesake by stricter queries alone
+
+
 @dataclass
 class Finding:
     title: str
@@ -86,17 +89,29 @@ def overall(rows: pd.DataFrame, value: str, smaller: bool = False) -> dict | Non
     if not others:
         return None
     rival = others[0]
-    pairs = paired(rows[rows["cache"] == best], rows[rows["cache"] == rival], ["panel"], value)
-    pairs = pairs[pairs["panel"].isin(common.index)]
+    found = _mean_ratio(rows[rows["panel"].isin(common.index)], best, rival, value, smaller)
+    if found is None or found["panels"] < len(common):
+        return None
+    return found | {"best": best, "rival": rival, "rival_is_lock": locks[rival], "base": means[rival],
+                    "own": means[best]}
+
+
+def _mean_ratio(rows: pd.DataFrame, cache: str, base: str, value: str, smaller: bool = False) -> dict | None:
+    """How many times better `cache` is than `base`, as the geometric mean over the panels that both ran.
+
+    The interval is over repetitions of the mean of the ratios paired by repetition; None if no repetition has
+    all panels.
+    """
+    pairs = paired(rows[rows["cache"] == cache], rows[rows["cache"] == base], ["panel"], value)
+    pairs = pairs[pairs["ratio"] > 0]
     logs = np.log(1 / pairs["ratio"] if smaller else pairs["ratio"])
+    panels = pairs["panel"].nunique()
     table = logs.groupby([pairs[k] for k in kPairKeys]).agg(["mean", "size"])
-    whole = table[table["size"] == len(common)]
+    whole = table[table["size"] == panels]
     if whole.empty:
         return None
     each = logs.groupby(pairs["panel"]).median()
-    return {"best": best, "rival": rival, "rival_is_lock": locks[rival],
-            "ratio": interval_of(np.exp(whole["mean"])),
-            "base": means[rival], "own": means[best], "panels": len(common),
+    return {"ratio": interval_of(np.exp(whole["mean"])), "panels": panels,
             "least": (math.exp(each.min()), each.idxmin()), "most": (math.exp(each.max()), each.idxmax())}
 
 
@@ -203,6 +218,31 @@ def of_break_even(setup: Setup, structure: str, threads: int) -> Finding | None:
                    f"{structure} with its whole interval ({at_least}); {beyond}.", base)
 
 
+def of_strictness(setup: Setup, threads: int) -> Finding | None:
+    """Throughput of a cache with linearizable queries over the one without, on the same structure."""
+    rows = cache_rows(setup)
+    rows = rows[rows["panel"].isin(panels_of(rows)[0]) & (rows["threads"] == threads)
+                & (rows["items_per_second"] > 0)]
+    names = style.cache_order(rows["cache"])
+    strict = next((c for c in names if c.endswith(kStrict) and c.removesuffix(kStrict) in names), None)
+    if strict is None:
+        return None
+    plain = strict.removesuffix(kStrict)
+    found = _mean_ratio(rows, strict, plain, "items_per_second")
+    if found is None:
+        return None
+    (least, at_least), (most, at_most), ratio = found["least"], found["most"], found["ratio"]
+    where = at_least
+    if found["panels"] > 1:
+        where = (f"geometric mean of {found['panels']} workloads. From {style.number(least)}× ({at_least}) to "
+                 f"{style.number(most)}× ({at_most})")
+    speeds = rows[rows["cache"] == plain].groupby("panel")["items_per_second"].median()
+    return Finding(f"What strictness costs, {place(setup, threads)}", _interval(ratio),
+                   f"the throughput of {strict}, whose queries are atomic snapshots, over that of {plain}, whose "
+                   f"queries are not; {where}.{'' if ratio[2] < 1 else _decided(ratio)}",
+                   f"Base: {plain}, {style.number(math.exp(np.log(speeds).mean()) * 1e-6)} M operations/s")
+
+
 def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:
     """relMSE of path tracing over that of a cache in the same time, at the setting nearest to the middle of
     both."""
@@ -258,6 +298,7 @@ def findings(setup: Setup) -> list[Finding]:
         if beyond:
             made.append(of_throughput(setup, structure, beyond))
         made += [of_break_even(setup, structure, full), of_latency(setup, structure, beyond or full)]
+    made.append(of_strictness(setup, full))
     errors = speed_error_structures(setup)
     marks = sorted(setup.rows.loc[setup.rows["integrator"] == "path", "threads"].unique())
     at = max((t for t in marks if t <= (setup.cores or t)), default=None)

@@ -79,7 +79,8 @@ def _panel(title: str, part: pd.DataFrame, neighbours: pd.DataFrame) -> Panel:
             line = line.assign(x=line["percentile"].map(places)).sort_values("x")
             options = style.line_options(cache, layout)
             axes.plot(line["x"], line["median"], zorder=3, **options)
-            axes.vlines(line["x"], line["low"], line["high"], color=options["color"],
+            known = line[line["low"].notna()]
+            axes.vlines(known["x"], known["low"], known["high"], color=options["color"],
                         linewidth=layout.line * 0.8, zorder=2.5)
         axes.set_xlim(-0.3, len(places) - 0.7)
         axes.xaxis.set_major_locator(ticker.FixedLocator(list(places.values())))

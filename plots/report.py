@@ -15,16 +15,19 @@ import style  # first: it checks what is installed
 
 from PIL import Image
 
+import correctness
+import correctness_page
 import tables
 from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
-from figures import FIGURES
+from figures import CORRECTNESS_FIGURES, FIGURES
 from findings import Finding, findings
 from over_threads import cache_rows
 from results import InputError, Setup, load, summarise
 from tables import note_line, text
 
 kTemplate = Path(__file__).resolve().parent / "template.html"
+kVerdicts = "correctness.json"
 kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
@@ -160,7 +163,7 @@ def _environment(setup: Setup, command: str) -> str:
     return out
 
 
-def _figure(number: int, done: Written, prefix: str, out: Path) -> str:
+def _figure(heading: str, done: Written, prefix: str, out: Path) -> str:
     plates = []
     for title, path in done.plates:
         drawing = _svg(path)
@@ -168,17 +171,17 @@ def _figure(number: int, done: Written, prefix: str, out: Path) -> str:
         plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
                       f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
     first, *others = plates
-    return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{number}. {text(done.figure.title)}</h3>'
+    return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{text(heading)}</h3>'
             f'<div class="read"><b>How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>'
             f'{"".join(others)}{"".join(map(note_line, done.notes))}'
             f'<p class="note">For a paper: <code>{text(done.pdf.relative_to(out))}</code>; the numbers: '
             f"<code>{text(done.csv.relative_to(out))}</code></p>")
 
 
-def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
-    """All figures, and a line for each that is left out."""
+def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]:
+    """All of `figures`, and a line for each that is left out."""
     drawn, left_out = [], []
-    for figure in FIGURES:
+    for figure in figures:
         print(f"figure {figure.name}: ", end="", flush=True)
         try:
             drawn.append(write(figure, setup, folder))
@@ -191,9 +194,10 @@ def _draw(setup: Setup, folder: Path) -> tuple[list[Written], list[str]]:
 
 def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str) -> str:
     """Everything about one setup; its figures are written to `folder`, which lies in `out`."""
-    drawn, left_out = _draw(setup, folder)
+    drawn, left_out = _draw(FIGURES, setup, folder)
     figures = "".join(map(note_line, left_out))
-    figures += "".join(_figure(number, done, prefix, out) for number, done in enumerate(drawn, 1))
+    figures += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
+                       for number, done in enumerate(drawn, 1))
     numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
                f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
     parts = [  # anchor, heading, link, starts a printed page, content
@@ -207,15 +211,36 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str) ->
     parts = [part for part in parts if part[4]]
     page = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if prefix else ""
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
+    links += '<a href="#correctness">Correctness</a>'
     page += f"<nav>{links}</nav>{_summary(setup)}"
     for anchor, heading, _, breaks, content in parts:
         page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
     return page
 
 
-def build(paths: list[Path], out: Path, command: str) -> Path:
-    """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError."""
+def _verdicts_beside(paths: list[Path]) -> list[Path]:
+    """The files of icstress in the folders of the results."""
+    folders = dict.fromkeys(path.resolve().parent for path in paths)
+    return [folder / kVerdicts for folder in folders if (folder / kVerdicts).exists()]
+
+
+def _correctness(found: list[correctness.Correctness], out: Path) -> str:
+    """A section for each file of icstress, or how to get one."""
+    made = ""
+    for one in found:
+        drawn, left_out = _draw(CORRECTNESS_FIGURES, one, folder_of(one, found, out / "figures"))
+        figures = {done.figure.name: _figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn}
+        made += correctness_page.section(one, one.slug, figures, left_out)
+    return made or correctness_page.absent()
+
+
+def build(paths: list[Path], verdicts: list[Path], out: Path, command: str) -> Path:
+    """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
+
+    `verdicts` are files of icstress.
+    """
     setups = load(paths)
+    checked = correctness.load(verdicts)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -229,9 +254,11 @@ def build(paths: list[Path], out: Path, command: str) -> Path:
         which = f" ({text('; '.join(cut))})" if several else ""
         body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
                  "only what was measured until then.</div>")
+    body += "".join(map(correctness_page.alarm, checked))
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix)
+    body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
     page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")
@@ -239,9 +266,14 @@ def build(paths: list[Path], out: Path, command: str) -> Path:
 
 
 def main() -> int:
-    arguments = parser(__doc__).parse_args()
+    options = parser(__doc__)
+    options.add_argument("--correctness", action="append", metavar="FILE", type=Path,
+                         help=f"JSON of icstress (default: {kVerdicts} beside RESULTS, if it is there)")
+    arguments = options.parse_args()
+    verdicts = arguments.correctness or _verdicts_beside(arguments.results)
+    out = arguments.out or arguments.results[0].parent
     try:
-        print(build(arguments.results, arguments.out or arguments.results[0].parent, shlex.join(sys.argv)))
+        print(build(arguments.results, verdicts, out, shlex.join(sys.argv)))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

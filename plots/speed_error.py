@@ -147,9 +147,10 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, neighbours: pd.DataFra
                   **(options | {"linestyle": "none", "alpha": 0.35,
                                 "markersize": options["markersize"] * 0.6}), zorder=2)
         axes.plot(own["seconds"], own["relmse"], zorder=3, **options)
-        axes.vlines(own["seconds"], own["relmse_low"], own["relmse_high"], color=options["color"],
+        known = own[own["relmse_low"].notna() & own["seconds_low"].notna()]
+        axes.vlines(known["seconds"], known["relmse_low"], known["relmse_high"], color=options["color"],
                     linewidth=layout.line * 0.7, zorder=2.5)
-        axes.hlines(own["relmse"], own["seconds_low"], own["seconds_high"], color=options["color"],
+        axes.hlines(known["relmse"], known["seconds_low"], known["seconds_high"], color=options["color"],
                     linewidth=layout.line * 0.7, zorder=2.5)
 
 

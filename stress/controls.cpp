@@ -5,6 +5,7 @@
 #include "caches/registry.h"
 #include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
+#include "stress/delay_sync.h"
 
 namespace icbench::stress {
 
@@ -27,25 +28,29 @@ constexpr Control kControls[] = {
     {"wait_free", "declared linearizable, which it is not: a query reads several lists, one after the other",
      Check::linearizable, 0.25, false, &run_round<Delayed<WaitFree<>>>},
     {"relaxed_publication", "records and nodes are published by relaxed stores", Check::integrity, 0.0,
-     kStoresStayInOrder, &run_round<RelaxedPublication>},
+     kStoresStayInOrder, &run_round<RelaxedPublication<DelaySync>>},
     {"plain_store_install", "children are installed by test and store instead of CAS", Check::integrity, 0.0,
-     false, &run_round<PlainStoreInstall>},
+     false, &run_round<PlainStoreInstall<DelaySync>>},
     {"child_installed_twice", "the loser of an installing CAS goes on in its own node", Check::integrity, 0.0,
-     false, &run_round<ChildInstalledTwice>},
+     false, &run_round<ChildInstalledTwice<DelaySync>>},
     {"exchange_then_link", "the head of a list is exchanged first and linked to the rest afterwards",
-     Check::regular, 0.0, false, &run_round<ExchangeThenLink>},
+     Check::regular, 0.0, false, &run_round<ExchangeThenLink<DelaySync>>},
     {"publish_before_fill", "a slot is marked ready before it is filled", Check::integrity, 0.0, false,
-     &run_round<PublishBeforeFill>},
+     &run_round<PublishBeforeFill<DelaySync>>},
     {"counter_append", "readers trust a size that is set when two counters meet", Check::regular, 0.0, false,
-     &run_round<CounterAppend>},
+     &run_round<CounterAppend<DelaySync>>},
     {"merge_drops_last", "the merge at the end of a frame forgets each session's last record",
-     Check::integrity, 0.0, false, &run_round<MergeDropsLast>},
+     Check::integrity, 0.0, false, &run_round<MergeDropsLast<DelaySync, DelayPlainSync>>},
     {"clear_leaves_one", "one record survives clear", Check::integrity, 0.0, false,
-     &run_round<ClearLeavesOne>},
+     &run_round<ClearLeavesOne<DelaySync>>},
     {"replicated_without_commit", "copies of a record appear one after the other",
-     Check::per_record_linearizable, 0.0, false, &run_round<ReplicatedWithoutCommit>},
+     Check::per_record_linearizable, 0.0, false, &run_round<ReplicatedWithoutCommit<DelaySync>>},
     {"lock_released_early", "the lock is released before the work is done", Check::integrity, 0.0, false,
-     &run_round<LockReleasedEarly>},
+     &run_round<LockReleasedEarly<DelaySync, DelayPlainSync>>},
+    {"clock_read_late", "a snapshot query reads its clock when it meets records, not before the first list",
+     Check::linearizable, 0.0, false, &run_round<ClockReadLate<DelaySync>>},
+    {"pending_not_helped", "a snapshot query passes over a pending record without stamping it",
+     Check::linearizable, 0.0, false, &run_round<PendingNotHelped<DelaySync>>},
 };
 
 }  // namespace

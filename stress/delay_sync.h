@@ -78,6 +78,8 @@ template <class T>
 using StdAtomic = std::atomic<T>;
 
 struct DelaySync : NoHooks {
+  /// Between publication and writing, where the order of the two is wrong.
+  static void writes(const void*, std::size_t) noexcept { Delays::step(); }
   template <class T>
   using Atomic = DelayAtomic<T, StdAtomic>;
   static constexpr bool kConcurrent = true;

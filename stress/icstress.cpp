@@ -1,5 +1,5 @@
-// The `icstress` program: runs caches under stress, judges what was seen, and proves by controls that the
-// stress was strong enough to see anything.
+// The `icstress` program: runs caches under stress and under every schedule of small programs, judges what was seen, and
+// proves by controls that it was strong enough to see anything.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -9,14 +9,14 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "core/names.h"
 #include "harness/output_file.h"
 #include "harness/progress.h"
-#include "stress/campaign.h"
-#include "stress/controls.h"
+#include "stress/report.h"
 
 namespace icbench::stress {
 namespace {
@@ -43,112 +43,102 @@ struct Options {
   std::string caches = "all";
   std::string checks = "all";
   CampaignOptions campaign;
+  explore::Extent extent = explore::Extent::brief;
+  std::optional<unsigned> preemptions;
+  explore::Extent progress = explore::Extent::brief;
+  std::string replay;
   std::string json;
 };
 
-void print_witness(const std::string& witness) {
-  std::string text = "    ";
-  for (const char c : witness) text += c == '\n' ? std::string("\n    ") : std::string(1, c);
-  fmt::print("{}\n", text);
-}
-
+/// A run's parts, one after the other; `report` takes what they find.
 class Run {
  public:
-  explicit Run(const Options& options) : options_(options) {
+  explicit Run(const Options& options) : options_(options), report_(options.campaign.seed) {
     std::vector<std::string_view> known;
     for (const Subject& subject : all_subjects()) known.push_back(subject.traits.name);
     caches_ = select("cache", options.caches, known);
     checks_ = select("check", options.checks, kCheckNames);
   }
 
-  /// Whether all promises held and all controls were seen failing.
-  bool run() {
+  const Report& run() {
+    run_histories();
+    if (options_.extent != explore::Extent::off) run_schedules();
+    if (options_.progress != explore::Extent::off) run_progress();
+    say_what_was_left_out();
+    return report_;
+  }
+
+ private:
+  void run_histories() {
     Progress progress("stress", static_cast<double>(options_.campaign.operations * caches_.size()));
     for (const Subject& subject : all_subjects()) {
       if (std::find(caches_.begin(), caches_.end(), subject.traits.name) == caches_.end()) continue;
-      report(subject, run_campaign(subject, options_.campaign, [&](double operations) {
-               progress.advance(operations, subject.traits.name);
-             }));
+      const Totals totals = run_campaign(subject, options_.campaign, [&](double operations) {
+        progress.advance(operations, subject.traits.name);
+      });
+      report_.add(subject, totals, checks_);
     }
     progress.finish();
-    for (const Control& control : all_controls()) report(control, run_control(control, options_.campaign));
-    return print();
+    for (const Control& control : all_controls())
+      report_.add(control, run_control(control, options_.campaign));
   }
 
-  ordered_json to_json() const { return {{"checks", checks_json_}, {"controls", controls_json_}}; }
-
- private:
-  void report(const Subject& subject, const Totals& totals) {
-    for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
-      if (std::find(checks_.begin(), checks_.end(), kCheckNames[i]) == checks_.end()) continue;
-      const Finding& finding = totals.judgement.findings[i];
-      checks_json_.push_back({{"cache", subject.traits.name},
-                              {"check", kCheckNames[i]},
-                              {"verdict", finding.violations == 0 ? "holds" : "violated"},
-                              {"promised", promises(subject.traits.consistency, static_cast<Check>(i))},
-                              {"operations", totals.judgement.operations},
-                              {"concurrent_pairs", totals.judgement.concurrent_pairs},
-                              {"violations", finding.violations},
-                              {"witness", finding.witness},
-                              {"seed", options_.campaign.seed}});
-    }
+  void run_schedules() {
+    explore::ExploreOptions options;
+    options.extent = options_.extent;
+    options.preemptions = options_.preemptions;
+    options.caches = caches_;
+    Progress progress("schedules", static_cast<double>(explore::exploration_count(options)));
+    const auto advance = [&](const std::string& what) { progress.advance(1.0, what); };
+    for (const auto& exploration : explore::explore_all(options, advance)) report_.add(exploration);
+    for (const auto& control : explore::explore_controls(options, advance)) report_.add(control);
+    report_.exempt(explore::exempt_caches(options));
+    progress.finish();
   }
 
-  void report(const Control& control, const ControlOutcome& outcome) {
-    const auto check = static_cast<std::size_t>(control.check);
-    controls_json_.push_back({{"control", control.name},
-                              {"fault", control.fault},
-                              {"check", name_of(control.check)},
-                              {"seen", outcome.seen},
-                              {"required", !control.needs_weak_memory},
-                              {"rounds", outcome.totals.rounds},
-                              {"rounds_violated", outcome.totals.rounds_violated[check]},
-                              {"operations", outcome.totals.judgement.operations},
-                              {"witness", outcome.totals.judgement.findings[check].witness},
-                              {"seed", options_.campaign.seed}});
+  void run_progress() {
+    ProgressOptions options;
+    options.seed = options_.campaign.seed;
+    options.is_long = options_.progress == explore::Extent::full;
+    Progress progress("progress", static_cast<double>(caches_.size() + all_progress_controls().size()));
+    for (const ProgressSubject& subject : all_progress_subjects()) {
+      if (std::find(caches_.begin(), caches_.end(), subject.traits.name) == caches_.end()) continue;
+      for (const ProgressResult& result : check_progress(subject, options)) report_.add(result);
+      progress.advance(1.0, subject.traits.name);
+    }
+    for (const ProgressControl& control : all_progress_controls()) {
+      report_.add(control, run_progress_control(control, options));
+      progress.advance(1.0, control.name);
+    }
+    progress.finish();
   }
 
-  bool print() const {
-    unsigned broken = 0, unseen = 0;
-    fmt::print("{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", "cache", "check", "verdict", "promised",
-               "operations", "overlapping", "violations");
-    for (const ordered_json& row : checks_json_) {
-      const bool is_broken = row["promised"].get<bool>() && row["verdict"] == "violated";
-      fmt::print("{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", row["cache"].get<std::string>(),
-                 row["check"].get<std::string>(), row["verdict"].get<std::string>(),
-                 row["promised"].get<bool>() ? "yes" : "no", row["operations"].get<std::uint64_t>(),
-                 row["concurrent_pairs"].get<std::uint64_t>(), row["violations"].get<std::uint64_t>());
-      if (is_broken) print_witness(row["witness"].get<std::string>());
-      broken += is_broken;
-    }
-    fmt::print("\n{:<26} {:<24} {:<9} {:>11}\n", "control", "must violate", "seen", "rounds");
-    for (const ordered_json& row : controls_json_) {
-      const bool seen = row["seen"].get<bool>(), required = row["required"].get<bool>();
-      fmt::print("{:<26} {:<24} {:<9} {:>5} of {:>2}\n", row["control"].get<std::string>(),
-                 row["check"].get<std::string>(),
-                 seen       ? "yes"
-                 : required ? "NO"
-                            : "(no)",
-                 row["rounds_violated"].get<std::uint32_t>(), row["rounds"].get<std::uint32_t>());
-      if (!seen && !required)
-        fmt::print("    needs a processor that reorders stores, or an explorer that models one\n");
-      unseen += !seen && required;
-    }
-    if (broken > 0) fmt::print("\n{} broken promises\n", broken);
-    if (unseen > 0) {
-      fmt::print(
-          "\nthe stress was too weak: {} controls were not seen failing; use more threads or other seeds\n",
-          unseen);
-    }
-    if (broken + unseen == 0) fmt::print("\nall promises held, all controls were seen failing\n");
-    return broken + unseen == 0;
+  void say_what_was_left_out() {
+    report_.not_examined(
+        "Histories on other processors than this one: an order that only weaker memory allows shows itself "
+        "in "
+        "explored schedules alone.");
+    if (options_.extent == explore::Extent::off) report_.not_examined("Schedules: they were switched off.");
+    if (options_.extent == explore::Extent::brief)
+      report_.not_examined("Schedules of the long form (icstress --explore long).");
+    report_.not_examined(
+        "Explored schedules: loads that see stores not yet made (load buffering), stores that take effect in "
+        "another "
+        "order than they were made, and more than three threads with a few operations each.");
+    report_.not_examined(
+        "Locks of libraries (std::mutex, std::shared_mutex, oneTBB): in explored schedules and under a count "
+        "of steps "
+        "they are models that block in the same cases.");
+    if (options_.progress == explore::Extent::off) report_.not_examined("Progress: it was switched off.");
+    report_.not_examined(
+        "Progress under weak memory, and of operations at quiescent points, which wait for everybody by "
+        "contract.");
   }
 
   const Options& options_;
   std::vector<std::string> caches_;
   std::vector<std::string> checks_;
-  ordered_json checks_json_ = ordered_json::array();
-  ordered_json controls_json_ = ordered_json::array();
+  Report report_;
 };
 
 void write_json(const std::string& path, const ordered_json& content) {
@@ -191,9 +181,26 @@ std::string unexpected(const CLI::App& app, const std::string& argument) {
   return unknown_name("option", argument.substr(0, argument.find('=')), views);
 }
 
+/// The exit status of a run that could say what it found.
+int finish(bool passed) {
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail("cannot write to standard output");
+  return passed ? 0 : 1;
+}
+
+int print_replay(const std::string& id) {
+  const explore::Replay replay = explore::replay(id);
+  fmt::print("{}", replay.text);
+  return finish(!replay.is_violated);
+}
+
+const std::map<std::string, explore::Extent> kExtents = {
+    {"off", explore::Extent::off}, {"short", explore::Extent::brief}, {"long", explore::Extent::full}};
+
 int run_program(int argc, char** argv) {
   Options options;
-  CLI::App app{"icstress: concurrent correctness of the caches, from recorded histories", "icstress"};
+  CLI::App app{
+      "icstress: concurrent correctness of the caches, from recorded histories and explored schedules",
+      "icstress"};
   app.add_option("--caches", options.caches, "all, or names separated by commas")->capture_default_str();
   app.add_option("--check", options.checks,
                  "all, or of integrity,regular,per_record_linearizable,linearizable,frame")
@@ -207,11 +214,23 @@ int run_program(int argc, char** argv) {
   app.add_option("--seed", options.campaign.seed, "seed of everything random")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--explore", options.extent, "schedules explored one by one: off, short or long")
+      ->transform(CLI::Transformer(kExtents, CLI::ignore_case))
+      ->default_str("short");
+  app.add_option("--preemptions", options.preemptions,
+                 "most preemptions in an explored schedule; unbounded if not given")
+      ->check(CLI::Range(0u, 1000u));
+  app.add_option("--progress", options.progress, "step bounds and stopped threads: off, short or long")
+      ->transform(CLI::Transformer(kExtents, CLI::ignore_case))
+      ->default_str("short");
+  const CLI::Option* replay = app.add_option("--replay", options.replay,
+                                             "print the schedule of this id, step by step, and nothing else");
   const CLI::Option* json = app.add_option("--json", options.json, "file for the verdicts");
   app.allow_extras();
   try {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
+    if (replay->count() > 0) return print_replay(options.replay);
     if (json->count() > 0) require_writable(options.json);
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
@@ -219,10 +238,10 @@ int run_program(int argc, char** argv) {
       fmt::print(stderr,
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     Run run(options);
-    const bool passed = run.run();
-    if (json->count() > 0) write_json(options.json, run.to_json());
-    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail("cannot write to standard output");
-    return passed ? 0 : 1;
+    const Report& report = run.run();
+    const bool passed = report.print();
+    if (json->count() > 0) write_json(options.json, report.to_json());
+    return finish(passed);
   } catch (const CLI::Success& e) {
     return app.exit(e);
   } catch (const std::bad_alloc&) {

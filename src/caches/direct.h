@@ -64,6 +64,19 @@ class Direct {
     return bytes;
   }
 
+  /// Step bounds (caches/session.h), of structures that are wait-free.
+  std::uint32_t insert_steps(const Record& r) const noexcept {
+    return structure_.insert_steps(r) + Tickets::kSteps;
+  }
+  static constexpr std::uint64_t query_steps(std::span<const std::uint32_t> extents) noexcept {
+    return visit_steps<Structure>(extents);
+  }
+  static constexpr std::uint32_t most_lists() noexcept { return Structure::kMostLists; }
+  static constexpr std::string_view insert_bound() noexcept {
+    return JoinedName<Structure::kInsertBound, Tickets::kBound>::value;
+  }
+  static constexpr std::string_view query_bound() noexcept { return Structure::kVisitBound; }
+
   Counts counters() const { return sessions_.counts(); }
   void reset_counters() { sessions_.reset_counters(); }
   const CacheConfig& config() const noexcept { return config_; }

@@ -1,6 +1,7 @@
 // A linear list of records: slow, and obviously right. The oracle every other structure is checked against.
 //
-// Query: every record is tested by the shared predicate, in order of insertion. Insert: one copy. One thread.
+// Query: every record is tested by the shared predicate, in order of insertion. Insert: one copy. One thread. Only the
+// pool's counter counts as shared memory (one step to visit, two to insert): nobody else ever touches the records.
 #pragma once
 
 #include "caches/session.h"
@@ -8,12 +9,15 @@
 
 namespace icbench {
 
+template <class Sync = PlainSync>
 class LinearList {
+  static_assert(!Sync::kConcurrent, "records are ordinary memory");
+
   static constexpr std::size_t kRecordBytes = sizeof(Record);
-  using Pool = Arena<PlainSync, kRecordBytes>;
+  using Pool = Arena<Sync, kRecordBytes>;
 
  public:
-  using SharedSync = PlainSync;
+  using SharedSync = Sync;
   static constexpr std::string_view kPrefix = "";
   static constexpr std::string_view kStructure = "list";
   static constexpr CacheTraits kTraits{"brute_force",
@@ -29,6 +33,12 @@ class LinearList {
     friend LinearList;
     std::size_t records_ = 0;
   };
+
+  // Step bounds (caches/session.h).
+  static constexpr std::string_view kInsertBound = "2", kVisitBound = "1";
+  static constexpr std::uint32_t insert_steps(const Record&) noexcept { return Pool::kTakeSteps; }
+  static constexpr std::uint32_t kVisitSteps = 1, kMostLists = 0;
+  static constexpr std::uint64_t list_steps(std::uint32_t) noexcept { return 0; }
 
   explicit LinearList(const CacheConfig& config) : pool_(config.capacity) {}
 

@@ -6,7 +6,8 @@
 // structure, which for that is the concurrent instantiation.
 //
 // Consistency: frame. Progress: visit as the structures' own; insert adds one load and one fetch_add for its
-// ticket, which reserves the room in the shared structure: what was accepted is never lost in the merge.
+// ticket, which reserves the room in the shared structure: what was accepted is never lost in the merge. In a session's
+// own structure steps are plain reads and writes.
 #pragma once
 
 #include <cstdlib>
@@ -28,7 +29,7 @@ class LocalWrite {
     typename Tickets::Purse purse;
     [[no_unique_address]] Counters counters;
   };
-  static constexpr std::string_view kMechanism = "local_write";
+  static constexpr std::string_view kMechanism = "local_write", kTwice = ", shared and local";
   using Name = JoinedName<SharedStructure::kPrefix, kMechanism>;
 
  public:
@@ -112,6 +113,24 @@ class LocalWrite {
                SharedStructure::bytes(s.merge_workspace);
     });
     return bytes;
+  }
+
+  /// Step bounds (caches/session.h).
+  std::uint32_t insert_steps(const Record& r) const noexcept {
+    // A session's own structure is addressed as the shared one is.
+    return shared_.insert_steps(r) + Tickets::kSteps;
+  }
+  static constexpr std::uint64_t query_steps(std::span<const std::uint32_t> extents) noexcept {
+    return visit_steps<SharedStructure>(extents) + LocalStructure::kVisitSteps;
+  }
+  static constexpr std::uint32_t most_lists() noexcept {
+    return SharedStructure::kMostLists + LocalStructure::kMostLists;
+  }
+  static constexpr std::string_view insert_bound() noexcept {
+    return JoinedName<LocalStructure::kInsertBound, Tickets::kBound>::value;
+  }
+  static constexpr std::string_view query_bound() noexcept {
+    return JoinedName<SharedStructure::kVisitBound, kTwice>::value;
   }
 
   Counts counters() const { return sessions_.counts(); }

@@ -33,6 +33,13 @@ class NullCache {
   template <class F>
   void for_each_record(F&&) const noexcept {}
   std::size_t memory_bytes() const noexcept { return sessions_.bytes(); }
+  /// Step bounds (caches/session.h).
+  static constexpr std::uint32_t insert_steps(const Record&) noexcept { return 0; }
+  static constexpr std::uint64_t query_steps(std::span<const std::uint32_t>) noexcept { return 0; }
+  static constexpr std::uint32_t most_lists() noexcept { return 0; }
+  static constexpr std::string_view insert_bound() noexcept { return "0"; }
+  static constexpr std::string_view query_bound() noexcept { return "0"; }
+
   Counts counters() const { return sessions_.counts(); }
   void reset_counters() { sessions_.reset_counters(); }
   const CacheConfig& config() const noexcept { return config_; }

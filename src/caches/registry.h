@@ -33,7 +33,7 @@ namespace icbench {
 using PlainWardTree = WardTree<PlainSync>;
 
 template <class Counters = NoCounters>
-using BruteForce = Direct<LinearList, Counters>;
+using BruteForce = Direct<LinearList<>, Counters>;
 template <class Counters = NoCounters>
 using Sequential = Direct<PlainWardTree, Counters>;
 template <class Counters = NoCounters>

@@ -4,6 +4,12 @@
 // A cache provides visit(state, x, f) and insert(state, r) on its own per-session State; Session puts the
 // checks of bad input, the interpolating query and the counters in front, once for all caches. `query` is
 // `visit` with the Interpolator, so a test that records what visit was shown tests the code that ships.
+//
+// Step bounds. A step is one operation on an atomic word, a read-modify-write included. A structure that is wait-free
+// says in numbers what that means: an insert of r takes at most insert_steps(r) steps; a visit reads how far each list
+// reaches once, of kMostLists lists at most, and takes at most kVisitSteps and, for a list that reached to `extent` then,
+// list_steps(extent). kInsertBound and kVisitBound say the same in words. The caches on top add what is their own;
+// stress/README.md tells how the bounds are checked.
 #pragma once
 
 #include <algorithm>
@@ -117,6 +123,14 @@ class SessionTable {
   std::unique_ptr<Slot[]> slots_;
 };
 
+/// Most steps of a visit to a wait-free structure, list by list as far as each reached.
+template <class Structure>
+constexpr std::uint64_t visit_steps(std::span<const std::uint32_t> extents) noexcept {
+  std::uint64_t steps = Structure::kVisitSteps;
+  for (const std::uint32_t extent : extents) steps += Structure::list_steps(extent);
+  return steps;
+}
+
 /// Counts records against a capacity without sharing a word on every insert: sessions draw tickets in
 /// batches.
 ///
@@ -132,8 +146,12 @@ class TicketOffice {
 
   explicit TicketOffice(std::uint32_t capacity) noexcept : capacity_(capacity) {}
 
-  /// Runs `store`, which returns whether it stored a record, if there is a ticket for it. Wait-free, one load
-  /// and one fetch_add at most, on top of `store`.
+  /// Most steps that `insert` adds to those of `store`: one load and one fetch_add.
+  static constexpr std::uint32_t kSteps = 2;
+  static constexpr std::string_view kBound = " + 2 for the ticket";
+
+  /// Runs `store`, which returns whether it stored a record, if there is a ticket for it. Wait-free: kSteps on top of
+  /// `store`.
   template <class Store>
   bool insert(Purse& purse, Store&& store) noexcept {
     if (!draw(purse)) return false;

@@ -13,8 +13,9 @@
 //                                             zeroing of its memory by a reset in another thread
 //
 // Progress: append is wait-free; at most 12 links are followed, each by one load and, if it is empty, one allocation
-// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 steps, and those that publish.
-// visit is wait-free: the count is read once; one mark a slot below it, one load a segment.
+// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 = 74 steps, and those that publish
+// (kAppendSteps). visit is wait-free: the count is read once, and is its extent; one mark a slot below that, one load a
+// segment (visit_steps).
 #pragma once
 
 #include <array>
@@ -59,6 +60,7 @@ class SlotPool {
   static constexpr int kBlock = kChunks;         // kind of segment: a block is the chunk that would come next
   static constexpr int kDirectory = kBlock + 1;  // kind of segment
   static constexpr int kKinds = kDirectory + 1;
+  static constexpr int kMostLinks = kChunks + kHeights + kHeights;  // down the last directory
   static constexpr std::uint32_t kFirst = 4;
   static constexpr std::uint32_t kInChunks = kFirst * ((1u << kChunks) - 1);
   static constexpr unsigned kFanBits = 8;  // a directory has 2^8 entries, a block 2^8 slots
@@ -100,8 +102,21 @@ class SlotPool {
   }();
 
   using Pool = Arena<PoolSync, kUnitBytes>;
+  static constexpr std::uint32_t kFollowSteps = 1 + ArenaCursor<Pool>::kAllocateSteps + 1;
 
  public:
+  /// Most steps of `append`.
+  static constexpr std::uint32_t kAppendSteps = 2 + kMostLinks * kFollowSteps + Marks::kPublishSteps;
+
+  /// Steps of `moment`, and the most of `shows` for one slot.
+  static constexpr std::uint32_t kMomentSteps = Marks::kMomentSteps, kShowsSteps = Marks::kShowsSteps;
+
+  /// Most steps of `visit` to a list that had `extent` slots when its count was read: the count, the links, and the
+  /// slots.
+  static constexpr std::uint64_t visit_steps(std::uint32_t extent) noexcept {
+    return 1 + links_of(extent) + std::uint64_t{extent} * kShowsSteps;
+  }
+
   /// Units that a record takes at worst: a first chunk of its own. Longer lists take less for each.
   static constexpr std::uint32_t kWorstUnits = units_of(0);
 
@@ -249,6 +264,22 @@ class SlotPool {
 
   Segment& segment(UnitIndex i) const noexcept { return *std::launder(static_cast<Segment*>(pool_.at(i))); }
 
+  /// Loads of links on a visit of the first `left` slots.
+  static constexpr std::uint64_t links_of(std::uint32_t left) noexcept {
+    std::uint64_t links = 0;
+    for (int k = 0; left > 0 && k < kChunks; ++k, ++links) left -= std::min(left, slots_of(k));
+    for (int height = 1; left > 0 && height <= kHeights; ++height) {
+      const std::uint64_t whole = std::uint64_t{1} << (kFanBits * static_cast<unsigned>(height + 1));
+      const auto here = static_cast<std::uint32_t>(std::min<std::uint64_t>(left, whole));
+      ++links;
+      for (int level = 1; level <= height; ++level) {
+        links += ((here - 1) >> (kFanBits * static_cast<unsigned>(level))) + 1;
+      }
+      left -= here;
+    }
+    return links;
+  }
+
   /// The segment that `link` points at, installed if missing; nullptr if the pool is used up.
   template <class Counters>
   Segment* follow(Workspace& workspace, Atomic<UnitIndex>& link, int kind, Counters& counters) noexcept {
@@ -268,6 +299,7 @@ class SlotPool {
   void for_each_slot(const List& list, F&& f) const {
     // Relaxed, as in append; read once: it is the extent of this visit.
     std::uint32_t left = list.count.load(std::memory_order_relaxed);
+    Sync::extent(left);
     const Atomic<UnitIndex>* link = &list.head;
     for (int k = 0; left > 0 && k < kChunks + kHeights; ++k) {
       const UnitIndex i = link->load(std::memory_order_acquire /* P3 */);

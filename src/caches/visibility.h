@@ -27,8 +27,8 @@
 // Whoever stamps draws its tick after the mark was pending, hence inside the insert, and the insert ends with the mark
 // stamped. So the insert takes effect when its tick is drawn, the query when it reads the clock.
 //
-// Progress: all steps are bounded and none is repeated. Flag: publish 1, shows 1. Snapshot: publish 3, moment 1, shows 1,
-// or 4 if the mark was pending (load, tick, CAS, load).
+// Progress: all steps are bounded and none is repeated; kMomentSteps, kPublishSteps and kShowsSteps say how many there
+// are at most.
 #pragma once
 
 #include <cstdint>
@@ -50,6 +50,8 @@ struct AtFirstSight {
     };
     /// What a query knows of time: nothing.
     struct Moment {};
+
+    static constexpr std::uint32_t kMomentSteps = 0, kPublishSteps = 1, kShowsSteps = 1;
 
     Moment moment() const noexcept { return {}; }
 
@@ -77,6 +79,9 @@ struct Snapshot {
     };
     /// Ticks drawn when the query began.
     using Moment = std::uint64_t;
+
+    // Pending, tick and CAS; a load, and if the record is pending a tick, a CAS and another load.
+    static constexpr std::uint32_t kMomentSteps = 1, kPublishSteps = 3, kShowsSteps = 4;
 
     Moment moment() const noexcept { return clock_.load(std::memory_order_acquire /* P4 */); }
 

@@ -15,12 +15,12 @@
 //
 //   insert  wait-free: per level one load and, if the child is missing, one allocation (4 steps) and one CAS, whose
 //           loser adopts the winner's node; then one append (74 steps) and what makes the record visible (1, or 3 for
-//           a snapshot): at most 6 D + 77 = 197, and 2 for the ticket that its session draws (caches/session.h).
+//           a snapshot): at most 6 D + 77 = 197, and 2 for the ticket that its session draws (insert_steps).
 //
 //   visit   wait-free: per node at most 8 child loads and one visit of its list, which is bounded by what is there when
-//           the list's count is read. The cells to visit are fixed by the point: 8 a level, up to 27 where the slack of
-//           the addressing counts, 64 and 125 in the two finest levels; 372 nodes in all at the very worst. A snapshot adds
-//           one load, and 3 steps for each record that it finds pending.
+//           the list's count is read (list_steps). The cells to visit are fixed by the point: 8 a level, up to 27 where
+//           the slack of the addressing counts, 64 and 125 in the two finest levels; 372 nodes in all at the very worst
+//           (kMostLists). A snapshot adds one load, and 3 steps for each record that it finds pending.
 //
 // Linearization (StdSync): by Visibility. At first sight, a record becomes visible by its P1 store, and a visit, which
 // walks several lists, has no linearization point: it is per-record linearizable. A snapshot is linearizable.
@@ -82,6 +82,26 @@ class WardTree {
     return wait_free("wait_free", Consistency::per_record_linearizable, "Dubla 2012, 7.2.3 (WF)");
   }();
 
+  // Step bounds (caches/session.h).
+  static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "6 level + 77" : "6 level + 75",
+                                    kVisitBound = Visibility::kIsSnapshot
+                                                      ? "1 + per list (9 + links + 4 slots)"
+                                                      : "per list (9 + links + slots)";
+  static constexpr std::uint32_t kVisitSteps = Slots::kMomentSteps;
+  static constexpr std::uint32_t kMostLists = 372;
+
+  /// Of an insert at `level`.
+  static constexpr std::uint32_t insert_steps(int level) noexcept {
+    constexpr std::uint32_t kDescendSteps = 1 + ArenaCursor<Nodes>::kAllocateSteps + 1;
+    return static_cast<std::uint32_t>(level) * kDescendSteps + Slots::kAppendSteps;
+  }
+  std::uint32_t insert_steps(const Record& r) const noexcept { return insert_steps(level_of(r)); }
+
+  /// Of a node on a visit: its list, and its children.
+  static constexpr std::uint64_t list_steps(std::uint32_t extent) noexcept {
+    return Slots::visit_steps(extent) + 8;
+  }
+
   /// A session's own allocation state.
   class Workspace {
     friend WardTree;
@@ -104,7 +124,7 @@ class WardTree {
   template <class Counters>
   bool insert(Workspace& workspace, const Record& r, Counters& counters) noexcept {
     const GridPoint u = addressing_.quantise(r.p);
-    const int level = addressing_.level_for(a_max_ * r.R);
+    const int level = level_of(r);
     Node* n = &node(kRoot);
     for (int l = 0; l < level; ++l) {
       const UnitIndex child = descend(workspace, *n, OctreeAddressing::octant(u, l), counters);
@@ -223,6 +243,8 @@ class WardTree {
 
   // Nodes are never constructed: zeroed memory is an empty node by the requirement on Sync (core/sync.h).
   Node& node(UnitIndex i) const noexcept { return *std::launder(static_cast<Node*>(nodes_.at(i))); }
+
+  int level_of(const Record& r) const noexcept { return addressing_.level_for(a_max_ * r.R); }
 
   /// Child `i` of `n`, installed if missing; 0 if the pool is used up.
   template <class Counters>

@@ -39,6 +39,9 @@ class Arena {
   Arena(const Arena&) = delete;
   Arena& operator=(const Arena&) = delete;
 
+  /// Most steps of `take`.
+  static constexpr std::uint32_t kTakeSteps = 2;
+
   /// First of `n` consecutive units, all bytes zero; 0 if the arena is used up.
   UnitIndex take(std::uint32_t n) noexcept {
     if (!Sync::may_allocate()) return 0;
@@ -96,6 +99,9 @@ class Arena {
 template <class Arena>
 class ArenaCursor {
  public:
+  /// Most steps of `allocate`.
+  static constexpr std::uint32_t kAllocateSteps = 2 * Arena::kTakeSteps;
+
   /// `n` zeroed units, or 0. Takes a piece of `piece` units when its own is too short; larger requests go
   /// straight to the arena, so that the rest of the piece is not lost.
   UnitIndex allocate(Arena& arena, std::uint32_t n, std::uint32_t piece) noexcept {

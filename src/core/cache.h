@@ -29,6 +29,18 @@ namespace icbench {
 /// definition.
 enum class ProgressGuarantee : std::uint8_t { blocking, lock_free, wait_free };
 
+constexpr std::string_view to_string(ProgressGuarantee progress) noexcept {
+  switch (progress) {
+    case ProgressGuarantee::blocking:
+      return "blocking";
+    case ProgressGuarantee::lock_free:
+      return "lock_free";
+    case ProgressGuarantee::wait_free:
+      return "wait_free";
+  }
+  return "unknown";
+}
+
 /// What a query promises to see; the specification is the set of records, the value follows from it.
 /// Integrity (nothing lost, duplicated, torn, invented or resurrected) is promised by every cache on top.
 enum class Consistency : std::uint8_t {
@@ -38,6 +50,22 @@ enum class Consistency : std::uint8_t {
   per_record_linearizable,  ///< regular, and what one query saw no later query misses
   linearizable              ///< an atomic snapshot
 };
+
+constexpr std::string_view to_string(Consistency consistency) noexcept {
+  switch (consistency) {
+    case Consistency::none:
+      return "none";
+    case Consistency::frame:
+      return "frame";
+    case Consistency::regular:
+      return "regular";
+    case Consistency::per_record_linearizable:
+      return "per_record_linearizable";
+    case Consistency::linearizable:
+      return "linearizable";
+  }
+  return "unknown";
+}
 
 /// What a cache declares about itself; every check and plot starts from this.
 struct CacheTraits {

@@ -29,6 +29,9 @@ struct NoHooks {
   static constexpr void reads(const void*, std::size_t) noexcept {}
   static constexpr void writes(const void*, std::size_t) noexcept {}
 
+  /// A query has read how far a list reaches, `items` items, and will read no more of it than that.
+  static constexpr void extent(std::uint32_t) noexcept {}
+
   /// Whether a pool may hand out memory that it has; a test may say no.
   static constexpr bool may_allocate() noexcept { return true; }
 

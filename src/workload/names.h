@@ -4,39 +4,10 @@
 #include <charconv>
 #include <string_view>
 
-#include "core/cache.h"
 #include "render/tiles.h"
 #include "workload/spec.h"
 
 namespace icbench {
-
-constexpr std::string_view to_string(ProgressGuarantee progress) noexcept {
-  switch (progress) {
-    case ProgressGuarantee::blocking:
-      return "blocking";
-    case ProgressGuarantee::lock_free:
-      return "lock_free";
-    case ProgressGuarantee::wait_free:
-      return "wait_free";
-  }
-  return "unknown";
-}
-
-constexpr std::string_view to_string(Consistency consistency) noexcept {
-  switch (consistency) {
-    case Consistency::none:
-      return "none";
-    case Consistency::frame:
-      return "frame";
-    case Consistency::regular:
-      return "regular";
-    case Consistency::per_record_linearizable:
-      return "per_record_linearizable";
-    case Consistency::linearizable:
-      return "linearizable";
-  }
-  return "unknown";
-}
 
 constexpr std::string_view to_string(PointOrder order) noexcept {
   switch (order) {

@@ -1,20 +1,25 @@
 // Broken caches on linear lists, where each fault is a few lines. Each must be seen failing.
+//
+// All are templates over the Sync policy (core/sync.h), so that the same source runs under delays, where histories show
+// its fault, and in the hands of the schedule explorer.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 
 #include "caches/direct.h"
 #include "caches/locked.h"
-#include "stress/delay_sync.h"
 
 namespace icbench::stress {
 
-using SharedWord = DelaySync::Atomic<std::uint32_t>;
-
 /// What all of them have: a pool of slots, from 1, that are handed out by fetch_add, and a scan over slots.
-class SlotPool {
+template <class Sync>
+class Slots {
+ protected:
+  using SharedWord = typename Sync::template Atomic<std::uint32_t>;
+
  public:
-  using SharedSync = DelaySync;
+  using SharedSync = Sync;
   struct Workspace {};
   struct Slot {
     Record record{};
@@ -22,7 +27,7 @@ class SlotPool {
     SharedWord next{0};
   };
 
-  explicit SlotPool(const CacheConfig& config)
+  explicit Slots(const CacheConfig& config)
       : slots_(std::make_unique<Slot[]>(config.capacity + 1)), capacity_(config.capacity) {}
 
   static std::size_t bytes(const Workspace&) noexcept { return 0; }
@@ -38,11 +43,19 @@ class SlotPool {
   template <class F>
   static void test(const Slot& s, const SurfacePoint& x, float a, F& f) noexcept {
     if (s.ready.load(std::memory_order_acquire) == 0) return;
+    Sync::reads(&s.record, sizeof s.record);
     const float weight = split_sphere_weight(x, s.record, a);
     if (weight > 0.0f) f(static_cast<const Record&>(s.record), weight);
   }
 
+  /// Slots 1 to `end`.
+  template <class F>
+  void scan(std::uint32_t end, const SurfacePoint& x, float a, F& f) const noexcept {
+    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+  }
+
   static void publish(Slot& s, const Record& r) noexcept {
+    Sync::writes(&s.record, sizeof s.record);
     s.record = r;
     s.ready.store(1, std::memory_order_release);
   }
@@ -89,34 +102,39 @@ constexpr CacheTraits broken_traits(std::string_view name, Consistency consisten
 
 /// A record is put at the head by exchange and linked to the rest afterwards: between the two, a query that
 /// starts at the head misses everything older.
-class ExchangeThenLinkList : public SlotPool {
+template <class Sync>
+class ExchangeThenLinkList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
  public:
+  using typename Base::Workspace;
   static constexpr CacheTraits kTraits =
       broken_traits("exchange_then_link", Consistency::per_record_linearizable);
-  using SlotPool::SlotPool;
+  using Base::Base;
 
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    const std::uint32_t i = take();
-    publish(slot(i), r);
-    slot(i).next.store(head_.exchange(i, std::memory_order_acq_rel), std::memory_order_release);
+    const std::uint32_t i = this->take();
+    this->publish(this->slot(i), r);
+    this->slot(i).next.store(head_.exchange(i, std::memory_order_acq_rel), std::memory_order_release);
     return true;
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
     std::uint32_t i = head_.load(std::memory_order_acquire);
-    for (; i != 0; i = slot(i).next.load(std::memory_order_acquire)) test(slot(i), x, a, f);
+    for (; i != 0; i = this->slot(i).next.load(std::memory_order_acquire)) this->test(this->slot(i), x, a, f);
   }
   template <class F>
   void update(F&& f) {
-    update_slots(f);
+    this->update_slots(f);
   }
   template <class F>
   void for_each(F&& f) const {
-    for_each_slot(f);
+    this->for_each_slot(f);
   }
   void clear() {
-    clear_slots();
+    this->clear_slots();
     head_.store(0, std::memory_order_relaxed);
   }
 
@@ -125,72 +143,81 @@ class ExchangeThenLinkList : public SlotPool {
 };
 
 /// A slot is marked ready and filled afterwards.
-class PublishBeforeFillList : public SlotPool {
+template <class Sync>
+class PublishBeforeFillList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
  public:
+  using typename Base::Workspace;
   static constexpr CacheTraits kTraits =
       broken_traits("publish_before_fill", Consistency::per_record_linearizable);
-  using SlotPool::SlotPool;
+  using Base::Base;
 
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    Slot& s = slot(take());
+    Slot& s = this->slot(this->take());
+    Sync::writes(&s.record, offsetof(Record, E));
     s.record.p = r.p;
     s.record.n = r.n;
     s.record.R = r.R;
     s.ready.store(1, std::memory_order_release);
-    Delays::step();
+    Sync::writes(&s.record.E, sizeof s.record.E + sizeof s.record.id);
     s.record.E = r.E;
     s.record.id = r.id;
     return true;
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
-    const std::uint32_t end = taken();
-    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+    this->scan(this->taken(), x, a, f);
   }
   template <class F>
   void update(F&& f) {
-    update_slots(f);
+    this->update_slots(f);
   }
   template <class F>
   void for_each(F&& f) const {
-    for_each_slot(f);
+    this->for_each_slot(f);
   }
-  void clear() { clear_slots(); }
+  void clear() { this->clear_slots(); }
 };
 
 /// Two counters: a slot is reserved by adding to `index`, filled, and reported by adding to `count`; readers
 /// trust `size`, which is set to `index` whenever the counters meet. One writer that stalls hides everybody's
 /// records, and a late writer of `size` takes back what an earlier one had shown.
-class CounterAppendList : public SlotPool {
+template <class Sync>
+class CounterAppendList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
  public:
+  using typename Base::Workspace;
   static constexpr CacheTraits kTraits =
       broken_traits("counter_append", Consistency::per_record_linearizable);
-  using SlotPool::SlotPool;
+  using Base::Base;
 
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    publish(slot(take()), r);
+    this->publish(this->slot(this->take()), r);
     const std::uint32_t count = count_.fetch_add(1, std::memory_order_acq_rel) + 1;
-    const std::uint32_t index = taken();
+    const std::uint32_t index = this->taken();
     if (count == index) size_.store(index, std::memory_order_release);
     return true;
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
-    const std::uint32_t end = size_.load(std::memory_order_acquire);
-    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+    this->scan(size_.load(std::memory_order_acquire), x, a, f);
   }
   template <class F>
   void update(F&& f) {
-    update_slots(f);
+    this->update_slots(f);
   }
   template <class F>
   void for_each(F&& f) const {
-    for_each_slot(f);
+    this->for_each_slot(f);
   }
   void clear() {
-    clear_slots();
+    this->clear_slots();
     count_.store(0, std::memory_order_relaxed);
     size_.store(0, std::memory_order_relaxed);
   }
@@ -202,59 +229,64 @@ class CounterAppendList : public SlotPool {
 
 /// A record is copied into two lists, one after the other, and queries take turns in which one they read: a
 /// copy is seen while the other is not there yet. That is regular, but no more.
-class ReplicatedList : public SlotPool {
+template <class Sync>
+class ReplicatedList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
  public:
+  using typename Base::Workspace;
   static constexpr CacheTraits kTraits =
       broken_traits("replicated_without_commit", Consistency::per_record_linearizable);
 
-  explicit ReplicatedList(const CacheConfig& config) : SlotPool(config), second_(config) {}
+  explicit ReplicatedList(const CacheConfig& config) : Base(config), second_(config) {}
 
   template <class Counters>
   bool insert(Workspace& workspace, const Record& r, Counters& counters) noexcept {
-    publish(slot(take()), r);
+    this->publish(this->slot(this->take()), r);
     return second_.insert(workspace, r, counters);
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
     // Relaxed: any distribution of queries over the lists will do.
     if ((turn_.fetch_add(1, std::memory_order_relaxed) & 1) != 0) return second_.visit(x, a, counters, f);
-    const std::uint32_t end = taken();
-    for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+    this->scan(this->taken(), x, a, f);
   }
   template <class F>
   void update(F&& f) {
-    update_slots(f);
+    this->update_slots(f);
     second_.update(f);
   }
   template <class F>
   void for_each(F&& f) const {
-    for_each_slot(f);
+    this->for_each_slot(f);
   }
   void clear() {
-    clear_slots();
+    this->clear_slots();
     second_.clear();
+    turn_.store(0, std::memory_order_relaxed);
   }
 
  private:
   /// The second copy; also a list that is right.
-  class Copy : public SlotPool {
+  class Copy : public Base {
    public:
-    using SlotPool::SlotPool;
+    using Base::Base;
     template <class Counters>
     bool insert(Workspace&, const Record& r, Counters&) noexcept {
-      publish(slot(take()), r);
+      this->publish(this->slot(this->take()), r);
       return true;
     }
     template <class Counters, class F>
     void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
-      const std::uint32_t end = taken();
-      for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
+      const std::uint32_t end = this->taken();
+      for (std::uint32_t i = 1; i <= end; ++i) this->test(this->slot(i), x, a, f);
     }
     template <class F>
     void update(F&& f) {
-      update_slots(f);
+      this->update_slots(f);
     }
-    void clear() { clear_slots(); }
+    void clear() { this->clear_slots(); }
   };
 
   Copy second_;
@@ -262,6 +294,7 @@ class ReplicatedList : public SlotPool {
 };
 
 /// A structure for one thread, as locks wrap them.
+template <class Sync>
 class UnsharedList {
  public:
   static constexpr std::string_view kPrefix = "", kStructure = "list";
@@ -273,7 +306,7 @@ class UnsharedList {
                                        Consistency::linearizable,
                                        true,
                                        "part of a broken cache"};
-  using SharedSync = DelayPlainSync;
+  using SharedSync = Sync;
   struct Workspace {};
 
   explicit UnsharedList(const CacheConfig& config)
@@ -283,6 +316,7 @@ class UnsharedList {
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
     const std::uint32_t i = count_.load(std::memory_order_relaxed);  // relaxed, as below: ordinary memory
     if (i >= capacity_) return false;
+    Sync::writes(&records_[i], sizeof r);
     records_[i] = r;
     count_.store(i + 1, std::memory_order_relaxed);
     return true;
@@ -291,6 +325,7 @@ class UnsharedList {
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
     const std::uint32_t end = count_.load(std::memory_order_relaxed);
     for (std::uint32_t i = 0; i < end; ++i) {
+      Sync::reads(&records_[i], sizeof records_[i]);
       const float weight = split_sphere_weight(x, records_[i], a);
       if (weight > 0.0f) f(static_cast<const Record&>(records_[i]), weight);
     }
@@ -311,18 +346,20 @@ class UnsharedList {
   void clear() { count_.store(0, std::memory_order_relaxed); }
   std::uint32_t room() const noexcept { return capacity_ - count_.load(std::memory_order_relaxed); }
   void prefault(Workspace&, std::uint32_t) noexcept {}
+  void touch(std::uint32_t, std::uint32_t) noexcept {}
   static std::size_t bytes(const Workspace&) noexcept { return 0; }
 
  private:
   std::unique_ptr<Record[]> records_;
   std::uint32_t capacity_;
-  DelayPlainSync::Atomic<std::uint32_t> count_{0};
+  typename Sync::template Atomic<std::uint32_t> count_{0};
 };
 
 /// Takes the lock and lets go of it before anything is done under it.
+template <class Sync>
 struct EarlyRelease {
   static constexpr std::string_view kName = "lock_released_early", kSource = "must be seen failing";
-  using Mutex = SpinLock<StdSync>;
+  using Mutex = SpinLock<Sync>;
   struct Scope {
     template <class Counters>
     Scope(Mutex& mutex, Counters&) noexcept {
@@ -334,10 +371,15 @@ struct EarlyRelease {
   using Write = Scope;
 };
 
-using ExchangeThenLink = Direct<ExchangeThenLinkList>;
-using PublishBeforeFill = Direct<PublishBeforeFillList>;
-using CounterAppend = Direct<CounterAppendList>;
-using ReplicatedWithoutCommit = Direct<ReplicatedList>;
-using LockReleasedEarly = Locked<UnsharedList, EarlyRelease>;
+template <class Sync>
+using ExchangeThenLink = Direct<ExchangeThenLinkList<Sync>>;
+template <class Sync>
+using PublishBeforeFill = Direct<PublishBeforeFillList<Sync>>;
+template <class Sync>
+using CounterAppend = Direct<CounterAppendList<Sync>>;
+template <class Sync>
+using ReplicatedWithoutCommit = Direct<ReplicatedList<Sync>>;
+template <class Sync, class Plain>
+using LockReleasedEarly = Locked<UnsharedList<Plain>, EarlyRelease<Sync>>;
 
 }  // namespace icbench::stress

@@ -1,5 +1,6 @@
 // Broken caches made of shipping ones: Ward's tree over Sync policies that do not keep their word, and
-// wrappers that lose something at a quiescent point. Each must be seen failing.
+// wrappers that lose something at a quiescent point. Each must be seen failing. Templates over the Sync policy, as
+// those on lists are.
 #pragma once
 
 #include <optional>
@@ -8,15 +9,14 @@
 #include "caches/direct.h"
 #include "caches/local_write.h"
 #include "caches/ward_tree.h"
-#include "stress/delay_sync.h"
 
 namespace icbench::stress {
 
-/// Every order relaxed: nothing is published. Stores stay in order on x86, so a history cannot show it there;
-/// on ARM it can.
-template <class T>
-class RelaxedAtomic : public DelayAtomic<T, StdAtomic> {
-  using Base = DelayAtomic<T, StdAtomic>;
+/// Every order relaxed: nothing is published. Stores stay in order on x86, so a history cannot show it there; on ARM it
+/// can, and the schedule explorer anywhere.
+template <class T, class Sync>
+class RelaxedAtomic : public Sync::template Atomic<T> {
+  using Base = typename Sync::template Atomic<T>;
 
  public:
   using Base::Base;
@@ -29,17 +29,17 @@ class RelaxedAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct RelaxedSync : NoHooks {
+template <class Sync>
+struct RelaxedSync : Sync {
   template <class T>
-  using Atomic = RelaxedAtomic<T>;
-  static constexpr bool kConcurrent = true;
+  using Atomic = RelaxedAtomic<T, Sync>;
 };
 
 /// Children and chunks are installed by a test and a plain store: of two threads that find a link empty, one
 /// overwrites the other's node.
-template <class T>
-class StoreAtomic : public DelayAtomic<T, StdAtomic> {
-  using Base = DelayAtomic<T, StdAtomic>;
+template <class T, class Sync>
+class StoreAtomic : public Sync::template Atomic<T> {
+  using Base = typename Sync::template Atomic<T>;
 
  public:
   using Base::Base;
@@ -55,16 +55,16 @@ class StoreAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct StoreSync : NoHooks {
+template <class Sync>
+struct StoreSync : Sync {
   template <class T>
-  using Atomic = StoreAtomic<T>;
-  static constexpr bool kConcurrent = true;
+  using Atomic = StoreAtomic<T, Sync>;
 };
 
 /// The loser of an installing CAS believes it has won and goes on in its own node, which nobody can reach.
-template <class T>
-class NeverLosingAtomic : public DelayAtomic<T, StdAtomic> {
-  using Base = DelayAtomic<T, StdAtomic>;
+template <class T, class Sync>
+class NeverLosingAtomic : public Sync::template Atomic<T> {
+  using Base = typename Sync::template Atomic<T>;
 
  public:
   using Base::Base;
@@ -75,20 +75,21 @@ class NeverLosingAtomic : public DelayAtomic<T, StdAtomic> {
   }
 };
 
-struct NeverLosingSync : NoHooks {
+template <class Sync>
+struct NeverLosingSync : Sync {
   template <class T>
-  using Atomic = NeverLosingAtomic<T>;
-  static constexpr bool kConcurrent = true;
+  using Atomic = NeverLosingAtomic<T, Sync>;
 };
 
 /// Does not count a record as there when the local structures are merged: the last.
-class ForgetfulTree : public WardTree<PlainSync> {
+template <class Plain>
+class ForgetfulTree : public WardTree<Plain> {
  public:
-  using WardTree<PlainSync>::WardTree;
+  using WardTree<Plain>::WardTree;
   template <class F>
   void for_each(F&& f) const {
     std::optional<Record> held_back;
-    WardTree<PlainSync>::for_each([&](const Record& r) {
+    WardTree<Plain>::for_each([&](const Record& r) {
       if (held_back) f(*held_back);
       held_back = r;
     });
@@ -96,8 +97,9 @@ class ForgetfulTree : public WardTree<PlainSync> {
 };
 
 /// Clearing leaves one record behind.
-class LeakyTree : public WardTree<DelaySync> {
-  using Base = WardTree<DelaySync>;
+template <class Sync>
+class LeakyTree : public WardTree<Sync> {
+  using Base = WardTree<Sync>;
 
  public:
   using Base::Base;
@@ -105,16 +107,59 @@ class LeakyTree : public WardTree<DelaySync> {
     std::optional<Record> survivor;
     Base::for_each([&](const Record& r) { survivor = r; });
     Base::clear();
-    Workspace workspace;
+    typename Base::Workspace workspace;
     NoCounters counters;
     if (survivor) Base::insert(workspace, *survivor, counters);
   }
 };
 
-using RelaxedPublication = Direct<WardTree<RelaxedSync>>;
-using PlainStoreInstall = Direct<WardTree<StoreSync>>;
-using ChildInstalledTwice = Direct<WardTree<NeverLosingSync>>;
-using MergeDropsLast = LocalWrite<WardTree<DelaySync>, ForgetfulTree>;
-using ClearLeavesOne = Direct<LeakyTree>;
+/// A query reads the clock when it meets a record, instead of before the first list: what was stamped since is seen here
+/// and missed in the lists that it has left behind.
+struct LateClock {
+  static constexpr bool kIsSnapshot = true;
+
+  template <class Sync>
+  class In : public Snapshot::In<Sync> {
+    using Base = Snapshot::In<Sync>;
+
+   public:
+    struct Moment {};
+    Moment moment() const noexcept { return {}; }
+    bool shows(typename Base::Mark& mark, Moment) noexcept { return Base::shows(mark, Base::moment()); }
+  };
+};
+
+/// A query passes over a record that is pending and does not stamp it: its tick may be drawn already, before the query
+/// read the clock.
+struct NoHelp {
+  static constexpr bool kIsSnapshot = true;
+
+  template <class Sync>
+  class In : public Snapshot::In<Sync> {
+    using Base = Snapshot::In<Sync>;
+
+   public:
+    bool shows(typename Base::Mark& mark, typename Base::Moment moment) noexcept {
+      constexpr std::uint64_t kUnstamped = 1;
+      const std::uint64_t stamp = mark.word.load(std::memory_order_acquire /* P1, P5 */);
+      return stamp > kUnstamped && stamp - 1 <= moment;
+    }
+  };
+};
+
+template <class Sync>
+using RelaxedPublication = Direct<WardTree<RelaxedSync<Sync>>>;
+template <class Sync>
+using PlainStoreInstall = Direct<WardTree<StoreSync<Sync>>>;
+template <class Sync>
+using ChildInstalledTwice = Direct<WardTree<NeverLosingSync<Sync>>>;
+template <class Sync>
+using ClockReadLate = Direct<WardTree<Sync, NoNodeLock, LateClock>>;
+template <class Sync>
+using PendingNotHelped = Direct<WardTree<Sync, NoNodeLock, NoHelp>>;
+template <class Sync, class Plain>
+using MergeDropsLast = LocalWrite<WardTree<Sync>, ForgetfulTree<Plain>>;
+template <class Sync>
+using ClearLeavesOne = Direct<LeakyTree<Sync>>;
 
 }  // namespace icbench::stress

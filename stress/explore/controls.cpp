@@ -1,0 +1,75 @@
+// The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp.
+#include "caches/registry.h"
+#include "stress/broken/lists.h"
+#include "stress/broken/trees.h"
+#include "stress/explore/subject.h"
+
+namespace icbench::stress::explore {
+
+namespace {
+
+template <class ModelCache>
+constexpr ExploreSubject broken(std::string_view name) {
+  return {name, ModelCache::kTraits, &explore_cache<ModelCache>, &replay_cache<ModelCache>};
+}
+
+constexpr ExploreControl kControls[] = {
+    {broken<InModel<WaitFree<>>>("wait_free"),
+     "declared linearizable, which it is not: a query reads several lists, one after the other",
+     Check::linearizable,
+     {"shallow_then_deep"}},
+    {broken<RelaxedPublication<ModelSync>>("relaxed_publication"),
+     "records and nodes are published by relaxed stores",
+     Check::integrity,
+     {"insert_query"}},
+    {broken<PlainStoreInstall<ModelSync>>("plain_store_install"),
+     "children are installed by test and store instead of CAS",
+     Check::integrity,
+     {"install"}},
+    {broken<ChildInstalledTwice<ModelSync>>("child_installed_twice"),
+     "the loser of an installing CAS goes on in its own node",
+     Check::integrity,
+     {"install"}},
+    {broken<ExchangeThenLink<ModelSync>>("exchange_then_link"),
+     "the head of a list is exchanged first and linked to the rest afterwards",
+     Check::regular,
+     {"insert_over_old"}},
+    {broken<PublishBeforeFill<ModelSync>>("publish_before_fill"),
+     "a slot is marked ready before it is filled",
+     Check::integrity,
+     {"insert_query"}},
+    {broken<CounterAppend<ModelSync>>("counter_append"),
+     "readers trust a size that is set when two counters meet",
+     Check::regular,
+     {"install", "two_inserts"}},
+    {broken<MergeDropsLast<ModelSync, ModelPlainSync>>("merge_drops_last"),
+     "the merge at the end of a frame forgets each session's last record",
+     Check::integrity,
+     {"install"}},
+    {broken<ClearLeavesOne<ModelSync>>("clear_leaves_one"),
+     "one record survives clear",
+     Check::integrity,
+     {"install"}},
+    {broken<ReplicatedWithoutCommit<ModelSync>>("replicated_without_commit"),
+     "copies of a record appear one after the other",
+     Check::per_record_linearizable,
+     {"insert_queries"}},
+    {broken<LockReleasedEarly<ModelSync, ModelPlainSync>>("lock_released_early"),
+     "the lock is released before the work is done",
+     Check::integrity,
+     {"install"}},
+    {broken<ClockReadLate<ModelSync>>("clock_read_late"),
+     "a snapshot query reads its clock when it meets records, not before the first list",
+     Check::linearizable,
+     {"shallow_then_deep"}},
+    {broken<PendingNotHelped<ModelSync>>("pending_not_helped"),
+     "a snapshot query passes over a pending record without stamping it",
+     Check::linearizable,
+     {"look_between"}},
+};
+
+}  // namespace
+
+std::span<const ExploreControl> all_explore_controls() { return kControls; }
+
+}  // namespace icbench::stress::explore

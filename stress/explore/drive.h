@@ -1,0 +1,202 @@
+// A scenario on a cache in the hands of the engine.
+#pragma once
+
+#include <fmt/format.h>
+
+#include "stress/explore/model_locks.h"
+#include "stress/explore/scenario.h"
+#include "stress/round.h"
+
+namespace icbench::stress::explore {
+
+/// What the schedules of one scenario showed.
+struct ScenarioOutcome {
+  Coverage coverage;
+  /// Per check: schedules that violated it, and of the first its number from 1, its witness and its text.
+  struct Finding {
+    std::uint64_t violations = 0;
+    std::uint64_t first = 0;
+    std::string witness;
+    std::string schedule;
+  };
+  std::array<Finding, kCheckNames.size()> findings;
+};
+
+struct ReplayOutcome {
+  std::vector<TraceLine> trace;
+  Ending ending;
+  Verdicts::Verdict verdict;
+};
+
+/// `Cache` uses ModelSync and its relatives.
+template <class Cache>
+class Drive {
+ public:
+  Drive(const Scenario& scenario, Stamping stamping)
+      : scenario_(scenario),
+        stamping_(stamping),
+        verdicts_(stage_, stamping),
+        engine_(thread_count(scenario)) {
+    read_scenario();
+    program_.threads = thread_count(scenario);
+    program_.prepare = [this](bool is_dirty) { prepare(is_dirty); };
+    program_.body = [this](unsigned t) { run_thread(t); };
+  }
+
+  /// Ends early when a check of `stop_at`, as bits 1 << Check, is violated.
+  ScenarioOutcome explore(const SearchOptions& options, std::uint32_t stop_at) {
+    ScenarioOutcome outcome;
+    std::uint64_t number = 0;
+    program_.judge = [&](const Ending& ending) {
+      ++number;
+      const Verdicts::Verdict verdict = judge(ending);
+      for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
+        if ((verdict.violated & (1u << i)) == 0) continue;
+        auto& finding = outcome.findings[i];
+        if (++finding.violations > 1) continue;
+        finding.first = number;
+        finding.witness = verdict.witness[i];
+        finding.schedule = engine_.schedule_text();
+      }
+      return (verdict.violated & stop_at) == 0;
+    };
+    outcome.coverage = engine_.explore(program_, options);
+    return outcome;
+  }
+
+  std::optional<ReplayOutcome> replay(std::span<const Deviation> deviations) {
+    ReplayOutcome outcome;
+    const auto ending = engine_.replay(program_, deviations, outcome.trace);
+    if (!ending) return std::nullopt;
+    outcome.ending = *ending;
+    outcome.verdict = judge(*ending);
+    return outcome;
+  }
+
+ private:
+  using Session = typename Cache::Session;
+
+  void read_scenario() {
+    std::uint32_t id = 0;
+    const auto insert = [&](std::uint32_t kind) {
+      LoggedOperation o;
+      o.where = kind;
+      o.id = id++;
+      return o;
+    };
+    for (unsigned i = 0; i < scenario_.before; ++i)
+      log_.before.push_back(insert(Stage::kind(Stage::kHere, 0)));
+    if (scenario_.is_warm) {
+      for (unsigned t = 0; t < thread_count(scenario_); ++t)
+        log_.before.push_back(insert(Stage::kind(Stage::kElsewhere, 1)));
+    }
+    for (unsigned t = 0; t < thread_count(scenario_); ++t) {
+      auto& operations = log_.threads.emplace_back();
+      for (const char c : scenario_.threads[t]) {
+        if (c == 'q') {
+          LoggedOperation o;
+          o.is_query = true;
+          o.where = Stage::kHere;
+          o.id = id++;
+          operations.push_back(o);
+        } else if (c >= '0' && c < '0' + static_cast<char>(Stage::kSizes)) {
+          operations.push_back(insert(Stage::kind(Stage::kHere, static_cast<std::uint32_t>(c - '0'))));
+        }
+      }
+    }
+    for (std::uint32_t place = 0; place < Stage::kPlaces; ++place) {
+      LoggedOperation o;
+      o.is_query = true;
+      o.where = place;
+      log_.rest.push_back(o);
+    }
+  }
+
+  void prepare(bool is_dirty) {
+    const unsigned threads = thread_count(scenario_);
+    if (is_dirty || !cache_) {
+      sessions_.clear();
+      cache_.emplace(CacheConfig{.capacity = capacity_for(log_.ids(), threads), .max_sessions = threads});
+      for (unsigned t = 0; t < threads; ++t) sessions_.push_back(cache_->open_session(t));
+    } else if (!is_clear_) {
+      cache_->clear();
+    }
+    is_clear_ = false;
+    counter_.store(0, std::memory_order_relaxed);  // relaxed, as all here: one thread
+    if (scenario_.is_warm) {
+      for (Session& s : sessions_) s.prefault(kPrefault);
+    }
+    const std::size_t first_warm = scenario_.before;
+    for (std::size_t i = 0; i < log_.before.size(); ++i) {
+      LoggedOperation& o = log_.before[i];
+      o.result = sessions_[i < first_warm ? 0 : i - first_warm].insert(stage_.record(o.where, o.id));
+    }
+    cache_->end_frame();
+    cache_->begin_frame();
+  }
+
+  void run_thread(unsigned t) {
+    for (LoggedOperation& o : log_.threads[t]) {
+      // Acquire: what has returned by the number read is known here.
+      if (stamping_ == Stamping::stamped) o.call = 2 * counter_.load(std::memory_order_acquire) + 2;
+      Engine::current().note([&] { return call_text(o); });
+      if (o.is_query) {
+        query(sessions_[t], o);
+      } else {
+        o.result = sessions_[t].insert(stage_.record(o.where, o.id));
+      }
+      Engine::current().note([&] { return return_text(o); });
+      if (stamping_ == Stamping::stamped) o.ret = 2 * counter_.fetch_add(1, std::memory_order_acq_rel) + 3;
+    }
+  }
+
+  void query(Session& session, LoggedOperation& o) {
+    o.seen_count = 0;
+    session.visit(stage_.place(o.where), [&](const Record& r, float) noexcept { o.see(shown_id(r, 0)); });
+    // Which record came first does not matter.
+    std::sort(o.seen.begin(), o.seen.begin() + o.seen_count);
+  }
+
+  Verdicts::Verdict judge(const Ending& ending) {
+    if (ending.kind == Ending::Kind::finished) {
+      cache_->end_frame();
+      log_.contents.clear();
+      cache_->for_each_record([&](const Record& r) { log_.contents.push_back(shown_id(r, 0)); });
+      std::sort(log_.contents.begin(), log_.contents.end());
+      for (LoggedOperation& o : log_.rest) query(sessions_[0], o);
+      cache_->clear();
+      is_clear_ = true;
+      log_.after_clear.clear();
+      cache_->for_each_record([&](const Record& r) { log_.after_clear.push_back(shown_id(r, 0)); });
+    }
+    return verdicts_.judge(log_, ending);
+  }
+
+  static std::string call_text(const LoggedOperation& o) {
+    if (o.is_query) return "calls query";
+    return fmt::format("calls insert of record {}, size {}", o.id, o.where % Stage::kSizes);
+  }
+  static std::string return_text(const LoggedOperation& o) {
+    if (!o.is_query) return fmt::format("has inserted record {}", o.id);
+    std::string text = fmt::format("has seen {} records", o.seen_count);
+    for (unsigned i = 0; i < o.seen_count; ++i)
+      text += fmt::format("{} {}", i == 0 ? ":" : ",", o.seen[i] & ~kTorn);
+    return text;
+  }
+
+  static constexpr std::uint32_t kPrefault = 8;  // records
+
+  const Scenario& scenario_;
+  Stamping stamping_;
+  Stage stage_;
+  Verdicts verdicts_;
+  Engine engine_;
+  Program program_;
+  ExecutionLog log_;
+  std::optional<Cache> cache_;
+  std::vector<Session> sessions_;
+  ModelSync::Atomic<std::uint64_t> counter_{0};
+  bool is_clear_ = false;
+};
+
+}  // namespace icbench::stress::explore

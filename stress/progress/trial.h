@@ -1,0 +1,86 @@
+// A trial: one fresh cache, some fibers that operate on it, and what came of it.
+//
+// Every operation's steps are held to its bound when it ends (or when it is given up), and the trial as a whole is a
+// history that is judged by what the cache declares. Operations of fibers that stopped for good are pending in it.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "stress/checker.h"
+#include "stress/progress/subject.h"
+#include "stress/round.h"
+
+namespace icbench::stress {
+
+struct Request {
+  Operation::Type type;
+  std::uint32_t where;  ///< insert: kind of the record; query: place
+};
+
+/// Records of a kind that are there before a trial begins.
+struct Prefill {
+  std::uint32_t kind;
+  std::uint32_t records;
+};
+
+/// Operations of one type and their steps.
+struct StepTally {
+  std::uint64_t operations = 0;
+  std::uint64_t most_steps = 0;
+  std::uint64_t bound_of_most = 0;  ///< what the operation with the most steps was held to
+  std::uint64_t exceeded = 0;       ///< operations over their bounds
+  std::string witness;              ///< the first of them, one line
+
+  /// Adds what one operation took.
+  void add(std::uint64_t steps, std::uint64_t bound) noexcept;
+  /// Accuses it.
+  void accuse(std::string line);
+  void add(const StepTally& other);
+};
+
+class Trial {
+ public:
+  /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1. A pool is
+  /// made short by further sessions, which take as much beforehand as they can get.
+  Trial(Stage& stage, const ProgressSubject& subject, const Landscape& landscape, std::uint32_t sessions,
+        const std::vector<Prefill>& prefill, bool is_pool_short);
+  Trial(const Trial&) = delete;
+  Trial& operator=(const Trial&) = delete;
+
+  /// Puts fiber `i` on stage as session `i`, to do `count` requests.
+  void start(unsigned i, std::uint32_t count, std::function<Request(std::uint32_t)> request);
+
+  struct Outcome {
+    std::array<StepTally, 2> tallies;  ///< by Operation::Type
+    std::string broken;                ///< the first declared condition that does not hold; empty if all do
+    std::string witness;               ///< of that
+  };
+  /// Fibers that have not ended are given up.
+  Outcome finish();
+
+ private:
+  struct Logged {
+    Operation operation;
+    std::vector<std::uint32_t> seen;
+  };
+
+  void insert(std::uint32_t session, std::uint32_t kind);
+  void query(std::uint32_t session, std::uint32_t place);
+  Operation& begin(std::uint32_t session, const Request& request, std::uint32_t id);
+  void weigh(const Operation& operation, std::uint64_t steps, const std::vector<std::uint32_t>& extents);
+  void close_epoch();
+
+  Stage& stage_;
+  const Landscape& landscape_;
+  Consistency consistency_;
+  std::unique_ptr<CountedCache> cache_;
+  std::vector<std::vector<Logged>> logs_;  ///< by session
+  History history_;
+  Stamp clock_ = 0;
+  std::uint32_t next_id_ = 0;
+  std::array<StepTally, 2> tallies_;
+};
+
+}  // namespace icbench::stress

@@ -1,0 +1,422 @@
+// The schedule explorer: what its memory may answer, that its reduction loses nothing, and that a schedule can be had
+// again.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+#include "core/random.h"
+#include "stress/explore/model_locks.h"
+
+namespace icbench::stress::explore {
+namespace {
+
+constexpr auto kRelaxed = std::memory_order_relaxed;
+constexpr auto kAcquire = std::memory_order_acquire;
+constexpr auto kRelease = std::memory_order_release;
+constexpr auto kAcqRel = std::memory_order_acq_rel;
+constexpr auto kSeqCst = std::memory_order_seq_cst;
+
+using Word = ModelAtomic<std::uint32_t>;
+using Outcome = std::vector<std::uint32_t>;
+
+/// A few words, what the threads have read, and plain memory.
+struct Litmus {
+  std::array<Word, 4> w{};
+  Outcome r = Outcome(6);
+  std::uint32_t plain = 0;
+  ModelMutex mutex;
+};
+
+struct Found {
+  std::set<Outcome> outcomes;
+  unsigned races = 0, blocked = 0;
+  Coverage coverage;
+  bool has(const Outcome& o) const { return outcomes.contains(o); }
+};
+
+/// Explores threads that are given as functions on a Litmus; outcomes are what they read, cut to `reads` values.
+Found explore(const std::vector<std::function<void(Litmus&)>>& threads, unsigned reads,
+              const SearchOptions& options = {}) {
+  Found found;
+  std::optional<Litmus> state;
+  Engine engine;
+  Program program;
+  program.threads = static_cast<unsigned>(threads.size());
+  program.prepare = [&](bool) { state.emplace(); };
+  program.body = [&](unsigned t) { threads[t](*state); };
+  program.judge = [&](const Ending& ending) {
+    if (ending.kind == Ending::Kind::finished)
+      found.outcomes.insert(Outcome(state->r.begin(), state->r.begin() + reads));
+    found.races += ending.kind == Ending::Kind::raced;
+    found.blocked += ending.kind == Ending::Kind::blocked;
+    return true;
+  };
+  found.coverage = engine.explore(program, options);
+  return found;
+}
+
+/// Message passing: data in word 0, flag in word 1.
+Found message_passing(std::memory_order store, std::memory_order load) {
+  return explore({[=](Litmus& l) {
+                    l.w[0].store(1, kRelaxed);
+                    l.w[1].store(1, store);
+                  },
+                  [=](Litmus& l) {
+                    l.r[0] = l.w[1].load(load);
+                    l.r[1] = l.w[0].load(kRelaxed);
+                  }},
+                 2);
+}
+
+TEST(Memory, MessagePassingNeedsReleaseAndAcquire) {
+  EXPECT_TRUE(message_passing(kRelaxed, kRelaxed).has({1, 0}));
+  EXPECT_TRUE(message_passing(kRelease, kRelaxed).has({1, 0}));
+  EXPECT_TRUE(message_passing(kRelaxed, kAcquire).has({1, 0}));
+  const Found ordered = message_passing(kRelease, kAcquire);
+  EXPECT_EQ(ordered.outcomes, (std::set<Outcome>{{0, 0}, {0, 1}, {1, 1}}));
+  EXPECT_TRUE(ordered.coverage.complete);
+}
+
+Found store_buffering(std::memory_order store, std::memory_order load) {
+  const auto thread = [=](unsigned mine, unsigned other) {
+    return [=](Litmus& l) {
+      l.w[mine].store(1, store);
+      l.r[mine] = l.w[other].load(load);
+    };
+  };
+  return explore({thread(0, 1), thread(1, 0)}, 2);
+}
+
+TEST(Memory, StoreBufferingIsSeenUnlessSequentiallyConsistent) {
+  EXPECT_TRUE(store_buffering(kRelease, kAcquire).has({0, 0}));
+  EXPECT_EQ(store_buffering(kSeqCst, kSeqCst).outcomes, (std::set<Outcome>{{0, 1}, {1, 0}, {1, 1}}));
+}
+
+TEST(Memory, ReadsOfOneWordNeverGoBack) {
+  const Found found = explore({[](Litmus& l) {
+                                 l.w[0].store(1, kRelaxed);
+                                 l.w[0].store(2, kRelaxed);
+                               },
+                               [](Litmus& l) {
+                                 l.r[0] = l.w[0].load(kRelaxed);
+                                 l.r[1] = l.w[0].load(kRelaxed);
+                               }},
+                              2);
+  EXPECT_EQ(found.outcomes, (std::set<Outcome>{{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}}));
+}
+
+Found independent_reads(std::memory_order store, std::memory_order load) {
+  const auto writer = [=](unsigned word) { return [=](Litmus& l) { l.w[word].store(1, store); }; };
+  const auto reader = [=](unsigned first, unsigned at) {
+    return [=](Litmus& l) {
+      l.r[at] = l.w[first].load(load);
+      l.r[at + 1] = l.w[1 - first].load(load);
+    };
+  };
+  return explore({writer(0), writer(1), reader(0, 0), reader(1, 2)}, 4);
+}
+
+TEST(Memory, IndependentReadsMayDisagreeUnlessSequentiallyConsistent) {
+  EXPECT_TRUE(independent_reads(kRelease, kAcquire).has({1, 0, 1, 0}));
+  EXPECT_FALSE(independent_reads(kSeqCst, kSeqCst).has({1, 0, 1, 0}));
+}
+
+/// The flag is released by one thread, and changed by another before a third acquires it.
+Found release_sequence(bool by_read_modify_write) {
+  return explore({[](Litmus& l) {
+                    l.w[0].store(1, kRelaxed);
+                    l.w[1].store(1, kRelease);
+                  },
+                  [=](Litmus& l) {
+                    std::uint32_t one = 1;
+                    if (by_read_modify_write) {
+                      l.w[1].compare_exchange_strong(one, 2, kRelaxed, kRelaxed);
+                    } else if (l.w[1].load(kRelaxed) == 1) {
+                      l.w[1].store(2, kRelaxed);
+                    }
+                  },
+                  [](Litmus& l) {
+                    l.r[0] = l.w[1].load(kAcquire);
+                    l.r[1] = l.w[0].load(kRelaxed);
+                  }},
+                 2);
+}
+
+TEST(Memory, ReadModifyWritesGoOnWithAReleaseSequence) {
+  const Found goes_on = release_sequence(true);
+  EXPECT_TRUE(goes_on.has({2, 1}));
+  EXPECT_FALSE(goes_on.has({2, 0}));
+  EXPECT_TRUE(release_sequence(false).has({2, 0}));
+}
+
+TEST(Memory, TheFirstThreadsOwnRelaxedStoreBreaksItsReleaseSequence) {
+  const Found found = explore({[](Litmus& l) {
+                                 l.w[0].store(1, kRelaxed);
+                                 l.w[1].store(1, kRelease);
+                                 l.w[1].store(2, kRelaxed);
+                               },
+                               [](Litmus& l) {
+                                 l.r[0] = l.w[1].load(kAcquire);
+                                 l.r[1] = l.w[0].load(kRelaxed);
+                               }},
+                              2);
+  EXPECT_TRUE(found.has({2, 0}));
+  EXPECT_FALSE(found.has({1, 0}));
+}
+
+TEST(Memory, OfTwoCompareExchangesOneWins) {
+  const auto thread = [](unsigned t) {
+    return [=](Litmus& l) {
+      std::uint32_t zero = 0;
+      l.r[t] = l.w[0].compare_exchange_strong(zero, t + 1, kAcqRel, kAcquire);
+      l.r[t + 2] = zero;
+    };
+  };
+  EXPECT_EQ(explore({thread(0), thread(1)}, 4).outcomes, (std::set<Outcome>{{1, 0, 0, 1}, {0, 1, 2, 0}}));
+}
+
+TEST(Memory, AFailedCompareExchangeMayReadAnOldValue) {
+  const Found found = explore({[](Litmus& l) {
+                                 l.w[0].store(1, kRelaxed);
+                                 l.w[0].store(2, kRelaxed);
+                                 l.w[0].store(3, kRelaxed);
+                               },
+                               [](Litmus& l) {
+                                 l.r[0] = 2;
+                                 l.w[0].compare_exchange_strong(l.r[0], 9, kRelaxed, kRelaxed);
+                               }},
+                              1);
+  // 2 stays where it succeeded; an old 2 is no reason to fail.
+  EXPECT_EQ(found.outcomes, (std::set<Outcome>{{0}, {1}, {2}, {3}}));
+}
+
+Found published(std::memory_order store, std::memory_order load) {
+  return explore({[=](Litmus& l) {
+                    ModelSync::writes(&l.plain, sizeof l.plain);
+                    l.plain = 7;
+                    l.w[0].store(1, store);
+                  },
+                  [=](Litmus& l) {
+                    if (l.w[0].load(load) == 0) return;
+                    ModelSync::reads(&l.plain, sizeof l.plain);
+                    l.r[0] = l.plain;
+                  }},
+                 1);
+}
+
+TEST(Memory, PlainMemoryThatIsNotPublishedIsARace) {
+  EXPECT_GT(published(kRelaxed, kAcquire).races, 0u);
+  EXPECT_GT(published(kRelease, kRelaxed).races, 0u);
+  const Found ordered = published(kRelease, kAcquire);
+  EXPECT_EQ(ordered.races, 0u);
+  EXPECT_EQ(ordered.outcomes, (std::set<Outcome>{{0}, {7}}));
+}
+
+TEST(Memory, ALockOrdersWhatIsDoneUnderIt) {
+  const auto thread = [](unsigned t) {
+    return [=](Litmus& l) {
+      l.mutex.lock();
+      ModelSync::writes(&l.plain, sizeof l.plain);
+      l.r[t] = l.plain++;
+      l.mutex.unlock();
+    };
+  };
+  const Found found = explore({thread(0), thread(1), thread(2)}, 3);
+  EXPECT_EQ(found.races + found.blocked, 0u);
+  EXPECT_EQ(found.outcomes.size(), 6u);
+  EXPECT_EQ(found.coverage.schedules, 6u);
+}
+
+TEST(Memory, ReadersShareALockAndWritersDoNot) {
+  const auto read = [](Litmus& l) {
+    l.mutex.lock_shared();
+    ModelSync::reads(&l.plain, sizeof l.plain);
+    l.r[0] += l.plain;
+    l.mutex.unlock_shared();
+  };
+  const auto write = [](Litmus& l) {
+    l.mutex.lock();
+    ModelSync::writes(&l.plain, sizeof l.plain);
+    ++l.plain;
+    l.mutex.unlock();
+  };
+  const Found found = explore({read, read, write}, 1);
+  EXPECT_EQ(found.races + found.blocked, 0u);
+  EXPECT_EQ(found.outcomes, (std::set<Outcome>{{0}, {1}, {2}}));
+}
+
+TEST(Memory, AWaitThatNobodyEndsIsReported) {
+  const Found found = explore({[](Litmus& l) { l.mutex.lock(); }, [](Litmus& l) { l.mutex.lock(); }}, 0);
+  EXPECT_GT(found.blocked, 0u);
+  const auto spin = [](Litmus& l) {
+    for (unsigned turn = 0; l.w[0].load(kAcquire) == 0; ++turn) ModelSync::wait_turn(turn);
+  };
+  EXPECT_EQ(explore({spin, [](Litmus& l) { l.w[1].store(1, kRelease); }}, 0).outcomes.size(), 0u);
+  const Found woken = explore({spin, [](Litmus& l) { l.w[0].store(1, kRelease); }}, 0);
+  EXPECT_EQ(woken.blocked, 0u);
+  EXPECT_EQ(woken.outcomes.size(), 1u);
+}
+
+// Random programs: the reduced search shows what the full one shows.
+
+struct Instruction {
+  Access::Kind kind;
+  std::uint8_t word;
+  std::uint8_t value;
+  std::memory_order order;
+};
+using RandomProgram = std::vector<std::vector<Instruction>>;
+
+RandomProgram random_program(std::uint64_t seed, unsigned threads, unsigned steps) {
+  Pcg32 random(hash_keys(seed, threads, steps));
+  const unsigned words = 1 + random.below(2);
+  const bool has_locks = random.below(4) == 0;
+  RandomProgram program(threads);
+  for (auto& thread : program) {
+    for (unsigned i = 1 + random.below(steps); i > 0; --i) {
+      constexpr Access::Kind kKinds[] = {Access::Kind::load, Access::Kind::store, Access::Kind::add,
+                                         Access::Kind::compare_exchange};
+      constexpr std::memory_order kOrders[] = {kRelaxed, kAcqRel, kRelaxed, kAcqRel, kSeqCst};
+      Instruction in{kKinds[random.below(4)], static_cast<std::uint8_t>(random.below(words)),
+                     static_cast<std::uint8_t>(random.below(3)), kOrders[random.below(5)]};
+      if (has_locks && random.below(2) == 0) in.kind = Access::Kind::lock;  // around one addition
+      if (has_locks && random.below(6) == 0) in.kind = Access::Kind::lock_shared;
+      thread.push_back(in);
+    }
+  }
+  return program;
+}
+
+/// An execution of it: every value read, every value that was in a word, in order, and how it ended. Values that are
+/// stored name the store, so that this tells executions of different kinds apart.
+class RandomRun {
+ public:
+  explicit RandomRun(const RandomProgram& program) : code_(program) {
+    program_.threads = static_cast<unsigned>(program.size());
+    program_.prepare = [this](bool) {
+      state_.emplace();
+      reads_.assign(code_.size(), {});
+    };
+    program_.body = [this](unsigned t) { execute(t); };
+  }
+
+  std::map<Outcome, unsigned> explore(const SearchOptions& options) {
+    std::map<Outcome, unsigned> outcomes;
+    program_.judge = [&](const Ending& ending) {
+      ++outcomes[outcome(ending)];
+      return true;
+    };
+    coverage = engine_.explore(program_, options);
+    return outcomes;
+  }
+  Outcome outcome(const Ending& ending) const {
+    Outcome o{static_cast<std::uint32_t>(ending.kind)};
+    if (ending.kind == Ending::Kind::raced) return o;
+    for (const Outcome& reads : reads_) {
+      o.push_back(~0u);
+      o.insert(o.end(), reads.begin(), reads.end());
+    }
+    for (const Word& w : state_->w) o.push_back(w.load(kRelaxed));
+    return o;
+  }
+  Engine& engine() { return engine_; }
+  const Program& program() const { return program_; }
+
+  Coverage coverage;
+
+ private:
+  static std::memory_order load_order(std::memory_order o) { return o == kAcqRel ? kAcquire : o; }
+  static std::memory_order store_order(std::memory_order o) { return o == kAcqRel ? kRelease : o; }
+
+  void execute(unsigned t) {
+    Litmus& l = *state_;
+    std::uint32_t number = 0;
+    for (const Instruction& in : code_[t]) {
+      Word& w = l.w[in.word];
+      // Large values are unique; small ones let compare-exchanges succeed.
+      const std::uint32_t unique = in.value == 0 ? 100 * (t + 1) + ++number : in.value;
+      switch (in.kind) {
+        case Access::Kind::load:
+          reads_[t].push_back(w.load(load_order(in.order)));
+          break;
+        case Access::Kind::store:
+          w.store(unique, store_order(in.order));
+          break;
+        case Access::Kind::add:
+          reads_[t].push_back(w.fetch_add(1000, in.order));
+          break;
+        case Access::Kind::lock:
+          l.mutex.lock();
+          ModelSync::writes(&l.plain, sizeof l.plain);
+          reads_[t].push_back(l.plain++);
+          reads_[t].push_back(w.load(kRelaxed));
+          l.mutex.unlock();
+          break;
+        case Access::Kind::lock_shared:
+          l.mutex.lock_shared();
+          ModelSync::reads(&l.plain, sizeof l.plain);
+          reads_[t].push_back(l.plain);
+          l.mutex.unlock_shared();
+          break;
+        default: {
+          std::uint32_t expected = in.value;
+          reads_[t].push_back(w.compare_exchange_strong(expected, unique, in.order, load_order(in.order)));
+          reads_[t].push_back(expected);
+        }
+      }
+    }
+  }
+
+  RandomProgram code_;
+  Program program_;
+  Engine engine_;
+  std::optional<Litmus> state_;
+  std::vector<Outcome> reads_;
+};
+
+template <class F>
+std::set<Outcome> keys(const F& outcomes) {
+  std::set<Outcome> out;
+  for (const auto& [outcome, n] : outcomes) out.insert(outcome);
+  return out;
+}
+
+std::uint64_t random_programs(std::uint64_t usual) {
+  const char* const wanted = std::getenv("ICBENCH_EXPLORE_PROGRAMS");
+  return wanted != nullptr ? std::strtoull(wanted, nullptr, 10) : usual;
+}
+
+struct Size {
+  unsigned threads, steps;
+};
+constexpr Size kSizes[] = {{2, 4}, {3, 2}, {3, 3}, {4, 2}};
+
+TEST(Reduction, LosesNoOutcome) {
+  std::uint64_t all = 0, reduced = 0;
+  for (std::uint64_t seed = 0; seed < random_programs(4000); ++seed) {
+    const Size size = kSizes[seed % std::size(kSizes)];
+    RandomRun run(random_program(seed, size.threads, size.steps));
+    const auto expected = run.explore({.preemptions = {}, .reduce = false});
+    all += run.coverage.schedules;
+    const auto got = run.explore({});
+    reduced += run.coverage.schedules;
+    ASSERT_EQ(keys(got), keys(expected)) << "seed " << seed;
+  }
+  EXPECT_LT(reduced * 4, all);
+}
+
+TEST(Reduction, LosesNoOutcomeWithinABound) {
+  for (std::uint64_t seed = 0; seed < random_programs(4000); ++seed) {
+    const Size size = kSizes[seed % std::size(kSizes)];
+    RandomRun run(random_program(seed, size.threads, size.steps));
+    for (unsigned bound = 0; bound < 3; ++bound) {
+      const auto expected = run.explore({.preemptions = bound, .reduce = false});
+      const auto got = run.explore({.preemptions = bound});
+      ASSERT_EQ(keys(got), keys(expected)) << "seed " << seed << ", bound " << bound;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace icbench::stress::explore
