@@ -11,7 +11,7 @@ namespace icbench::stress {
 
 namespace {
 
-constexpr std::uint32_t kMostRounds = 48;
+constexpr std::uint32_t kMostRounds = 400;  // some faults show in one round of twenty only
 constexpr std::uint32_t kShareRounds = 12;
 constexpr std::uint32_t kOptionalRounds = 8;
 constexpr std::uint32_t kFewestThreads = 4;  // one of the faults takes three to show
