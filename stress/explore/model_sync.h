@@ -115,14 +115,13 @@ class ModelPlain : public PlainAtomic<T> {
   }
 };
 
-struct ModelHooks {
+struct ModelHooks : NoHooks {
   static void reads(const void* begin, std::size_t bytes) noexcept {
     if (Engine::is_inside()) Engine::current().touch(begin, bytes, false);
   }
   static void writes(const void* begin, std::size_t bytes) noexcept {
     if (Engine::is_inside()) Engine::current().touch(begin, bytes, true);
   }
-  static constexpr bool may_allocate() noexcept { return true; }
   /// Goes on when there is something newer in the word that the loop read last.
   static void wait_turn(unsigned turn) noexcept {
     if (!Engine::is_inside()) return NoHooks::wait_turn(turn);
