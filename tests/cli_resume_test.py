@@ -1,16 +1,22 @@
 #!/usr/bin/env python3
-"""The files that icbench sweep writes: determinism, resuming, and interruptions at any moment."""
+"""The files that icbench sweep writes: determinism, resuming, and interruptions at any moment.
+
+ICBENCH_KILLS in the environment is how often a sweep is killed, by default a dozen times.
+"""
 
 import itertools
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import time
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_sweep
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_sweep
+
+KILLS = int(os.environ.get("ICBENCH_KILLS", 12))
 
 
 class SweepFiles(Case):
@@ -69,10 +75,52 @@ class SweepFiles(Case):
     def test_resume_refuses_damaged_and_foreign_files(self):
         self.succeed(*small_sweep(out="r.json"))
         whole = (self.folder / "r.json").read_text()
-        for text in (whole[:len(whole) // 2], "no JSON", "{}", "[]", '{"context": {}, "benchmarks": []}',
-                     '{"context": {}, "benchmarks": 3}'):
+        context = json.loads(whole)["context"]
+        for text in (whole[:len(whole) // 2], whole[:-3], "no JSON", "{}", "[]", "\0" * len(whole),
+                     '{"context": {}, "benchmarks": []}', '{"context": {}, "benchmarks": 3}',
+                     json.dumps({"context": context, "benchmarks": [3]}),
+                     json.dumps({"context": {**context, "resumed": 3}, "benchmarks": []})):
             (self.folder / "r.json").write_text(text)
             self.refuse(*small_sweep(out="r.json"), "--resume", says=["r.json"])
+        for noise in (random.Random(1).randbytes(5000), whole.encode().replace(b"insert_only", b"insert\xffonly")):
+            (self.folder / "r.json").write_bytes(noise)
+            self.refuse(*small_sweep(out="r.json"), "--resume", says=["r.json"])
+
+    def test_flipped_bits_are_refused_or_harm_one_row_at_most(self):
+        arguments = small_sweep(caches="null,wait_free", repetitions=3, out="r.json")
+        self.succeed(*arguments)
+        whole = self.load("r.json")
+        original = {key_of(row): row for row in whole["benchmarks"]}
+        # As a kill leaves it: half of the rows in the file, all of them in the journal.
+        whole["context"]["complete"] = False
+        files = {"r.json": json.dumps({**whole, "benchmarks": whole["benchmarks"][:3]}).encode(),
+                 "r.json.partial": b"".join(json.dumps(row).encode() + b"\n"
+                                            for row in (whole["context"], *whole["benchmarks"]))}
+        chance = random.Random(2)
+        refused = 0
+        for name, content in files.items():
+            # Half of the flips where they are most likely to matter, in what is not a value.
+            structure = [i for i, byte in enumerate(content) if byte in b'{}[]":,\n']
+            for i in range(12):
+                at = chance.choice(structure) if i % 2 else chance.randrange(len(content))
+                damaged = bytearray(content)
+                damaged[at] ^= 1 << chance.randrange(8)
+                with self.subTest(file=name, byte=at, becomes=chr(damaged[at])):
+                    for other, bytes_of_other in files.items():
+                        (self.folder / other).write_bytes(bytes_of_other)
+                    (self.folder / name).write_bytes(damaged)
+                    before = self.contents()
+                    done = self.run_icbench(*arguments, "--resume")
+                    if done.returncode != 0:
+                        self.assert_refused(done, "r.json")
+                        self.assertEqual(self.contents(), before)
+                        refused += 1
+                        continue
+                    rows = {key_of(row): row for row in self.load("r.json")["benchmarks"]}
+                    self.assertLessEqual(original.keys(), rows.keys())
+                    changed = [key for key in original if rows[key] != original[key]]
+                    self.assertLessEqual(len(changed), 1)
+        self.assertGreater(refused, 8)
 
 
 class Plan:
@@ -143,29 +191,58 @@ class Interrupted(Case):
             self.assertEqual(rows[key], row)
         return results["context"]
 
+    def is_complete(self):
+        return (self.folder / "r.json").exists() and self.load("r.json")["context"]["complete"]
+
     def test_killed_at_random_moments(self):
         seed = random.randrange(1 << 32)
         chance = random.Random(seed)
         safe = {}
-        kills = 0
+        kills = kills_of_this_sweep = 0
         with self.subTest(seed=seed):
-            for by_time in (True, False, True, False, True, False):
+            for start in itertools.count():
+                self.assertLess(start, 10 * KILLS + 100, "sweeps end before they can be killed")
                 process = self.start(QUICK)
-                if by_time:  # most likely while it is starting
+                if start % 2 == 0:  # most likely while it is starting
                     time.sleep(chance.uniform(0, 0.5))
                 else:
                     self.wait_for_rows(process, chance.randint(1, 40))
                 process.kill()
-                if process.wait(PATIENCE) == 0:
-                    break
-                kills += 1
+                was_killed = process.wait(PATIENCE) != 0
+                kills += was_killed
+                kills_of_this_sweep += was_killed
+                if self.is_complete() or kills == KILLS:
+                    context = self.assert_completes(QUICK, safe)
+                    self.assertLessEqual(len(context.get("resumed", [])), kills_of_this_sweep + 1,
+                                         "a resumption is recorded once")
+                    if kills == KILLS:
+                        break
+                    (self.folder / "r.json").unlink()
+                    safe, kills_of_this_sweep = {}, 0
+                    continue
                 now = self.safe_rows()
                 for key, row in safe.items():
                     self.assertEqual(now[key], row)
                 safe = now
-            self.assertGreater(kills, 0)
-            context = self.assert_completes(QUICK, safe)
-            self.assertLessEqual(len(context.get("resumed", [])), kills, "a resumption is recorded once")
+
+    @unittest.skipIf(SANITIZED, "sanitizers write files of their own")
+    def test_space_that_runs_out_ends_the_sweep_and_resume_completes(self):
+        self.succeed(*QUICK.arguments)
+        size = (self.folder / "r.json").stat().st_size
+        (self.folder / "r.json").unlink()
+
+        def limit_files():
+            # Stands in for a full disk: writes become short, then fail.
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, size // 2))
+
+        for _ in range(2):  # the second time there is no space from the start
+            done = self.run_icbench(*QUICK.arguments, preexec_fn=limit_files)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr.splitlines()[-1], r"\Aicbench: .*r\.json.*File too large")
+            safe = self.safe_rows()
+            self.assertGreater(len(safe), 0)
+        self.assert_completes(QUICK, safe)
 
     def test_interrupt_ends_promptly_and_resume_completes(self):
         process = self.start(SLOW)

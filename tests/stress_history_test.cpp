@@ -2,7 +2,9 @@
 // parts that record histories.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cstdlib>
 #include <cstring>
 #include <set>
 #include <thread>
@@ -32,37 +34,75 @@ ClockSource some_clock(std::uint32_t i) {
   return clock_of_round(options, i);
 }
 
+/// Operations on each cache, in all: ICBENCH_STRESS_OPERATIONS, or a short run.
+std::uint64_t operations_per_cache() {
+  const char* wanted = std::getenv("ICBENCH_STRESS_OPERATIONS");
+  return wanted == nullptr ? 32'000 : std::strtoull(wanted, nullptr, 10);
+}
+
 class StressCaches : public ::testing::TestWithParam<std::size_t> {
  protected:
   const Subject& subject() const { return all_subjects()[GetParam()]; }
 
-  void expect_promises(bool delayed) const {
-    std::uint32_t turn = 0;
-    for (const Shape& shape : all_shapes()) {
-      RoundPlan plan;
-      plan.shape = &shape;
-      plan.threads = subject().traits.single_thread ? 1 : kThreads;
-      plan.operations = 4'000;
-      plan.seed = turn;
-      plan.clock = some_clock(turn++);
-      plan.delay_every = delayed ? 32 : 0;
-      const RoundRecord round = delayed ? subject().run_delayed(plan) : subject().run(plan);
-      const Judgement judgement = judge(round.history);
-      EXPECT_GT(judgement.operations, 0u);
-      if (shape.capacity_percent > 100 && subject().traits.consistency != Consistency::none) {
-        for (const Operation& o : round.history.operations) ASSERT_FALSE(o.is_refused()) << shape.name;
-      }
-      for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
-        if (!promises(subject().traits.consistency, static_cast<Check>(i))) continue;
-        EXPECT_EQ(judgement.findings[i].violations, 0u) << kCheckNames[i] << ", " << shape.name << "\n"
-                                                        << judgement.findings[i].witness;
+  /// Judges one round by what the cache promises.
+  void expect_promises(RoundPlan plan) const {
+    if (subject().traits.single_thread) plan.threads = 1;
+    const RoundRecord round = plan.delay_every > 0 ? subject().run_delayed(plan) : subject().run(plan);
+    const Judgement judgement = judge(round.history);
+    EXPECT_GT(judgement.operations, 0u);
+    if (plan.shape->capacity_percent > 100 && subject().traits.consistency != Consistency::none) {
+      for (const Operation& o : round.history.operations) ASSERT_FALSE(o.is_refused()) << plan.shape->name;
+    }
+    for (std::size_t i = 0; i < kCheckNames.size(); ++i) {
+      if (!promises(subject().traits.consistency, static_cast<Check>(i))) continue;
+      EXPECT_EQ(judgement.findings[i].violations, 0u)
+          << kCheckNames[i] << ", " << plan.shape->name << ", " << plan.threads << " threads\n"
+          << judgement.findings[i].witness;
+    }
+  }
+
+  void expect_promises_in_all_shapes(std::uint32_t delay_every) const {
+    constexpr std::uint64_t kRoundOperations = 50'000;
+    // This is one of two tests.
+    const std::uint64_t operations = operations_per_cache() / 2 / all_shapes().size();
+    for (std::uint64_t done = 0; done < operations; done += kRoundOperations) {
+      std::uint32_t turn = 0;
+      for (const Shape& shape : all_shapes()) {
+        RoundPlan plan;
+        plan.shape = &shape;
+        plan.threads = kThreads;
+        plan.operations = static_cast<std::uint32_t>(std::min(kRoundOperations, operations - done));
+        plan.seed = hash_keys(done, turn);
+        plan.clock = some_clock(turn++);
+        plan.delay_every = delay_every;
+        ASSERT_NO_FATAL_FAILURE(expect_promises(plan));
       }
     }
   }
 };
 
-TEST_P(StressCaches, KeepTheirPromises) { expect_promises(false); }
-TEST_P(StressCaches, KeepTheirPromisesUnderDelays) { expect_promises(true); }
+TEST_P(StressCaches, KeepTheirPromises) { expect_promises_in_all_shapes(0); }
+TEST_P(StressCaches, KeepTheirPromisesUnderDelays) { expect_promises_in_all_shapes(32); }
+
+/// Threads lose the processor in the middle of everything; each does little, and all of it is accounted for.
+TEST_P(StressCaches, KeepTheirPromisesWithManyMoreThreadsThanCores) {
+  static constexpr float kSizes[] = {0.9f, 0.1f, 0.02f};
+  const Shape kCrowd{"crowd", 3, kSizes, 1'000, 50, 2, 200};
+  constexpr std::uint32_t kMostThreads = 1024;
+  const std::uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  for (const std::uint32_t times : {4u, 32u}) {
+    RoundPlan plan;
+    plan.shape = &kCrowd;
+    plan.threads = std::min(times * cores, kMostThreads);
+    plan.operations = (kThreadSanitizer ? 1 : 5) * kCrowd.epoch_operations;
+    plan.seed = times;
+    plan.clock = some_clock(times / 4);
+    plan.delay_every = 32;
+    ASSERT_NO_FATAL_FAILURE(expect_promises(plan));
+    plan.delay_every = 0;
+    ASSERT_NO_FATAL_FAILURE(expect_promises(plan));
+  }
+}
 
 INSTANTIATE_TEST_SUITE_P(Registry, StressCaches, ::testing::Range(std::size_t{0}, all_subjects().size()),
                          [](const auto& at) { return std::string(all_subjects()[at.param].traits.name); });
@@ -167,7 +207,9 @@ TEST(StressClock, TscClaimsNoOrderThatWasNotThere) {
 }
 
 TEST(StressCampaign, TakesTurnsAndAddsUp) {
-  const Subject& wait_free = all_subjects().back();
+  const Subject& wait_free =
+      *std::find_if(all_subjects().begin(), all_subjects().end(),
+                    [](const Subject& subject) { return subject.traits.name == "wait_free"; });
   CampaignOptions options;
   options.operations = 70'000;
   options.use_counter = some_clock(0) == ClockSource::counter;

@@ -166,6 +166,8 @@ void ResultsWriter::take(const Json& context_of_file, const std::vector<Json>& r
   if (!context_of_file.is_object() || !context_of_file.contains("configuration") ||
       !context_of_file["configuration"].is_object())
     refuse(from, "its context has no configuration");
+  if (context_of_file.contains("resumed") && !context_of_file["resumed"].is_array())
+    refuse(from, "its context is damaged at 'resumed'");
   const std::string difference =
       first_difference(normalised(context_of_file["configuration"]), normalised(configuration));
   if (!difference.empty()) refuse(from, fmt::format("it has another configuration: {}", difference));

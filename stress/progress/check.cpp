@@ -55,8 +55,9 @@ class ProgressCheck {
   void set_scene(const Setting& setting) {
     scene_ = setting.victim.type == Type::insert ? fmt::format("; a record of size {}", setting.victim.where)
                                                  : "; a query";
-    for (const Prefill& p : setting.prefill)
-      scene_ += fmt::format(", {} of size {} before", p.records, p.kind % kSizes);
+    for (const Prefill& p : setting.prefill) {
+      if (p.records > 0) scene_ += fmt::format(", {} of size {} before", p.records, p.kind % kSizes);
+    }
     if (setting.is_pool_short) scene_ += ", a short pool";
   }
 
@@ -255,7 +256,7 @@ class ProgressCheck {
     return steps;
   }
 
-  /// Operations of all kinds by three fibers: in turns, one starved, and switching at random.
+  /// Operations of all kinds by all fibers: in turns, one starved, and switching at random.
   void run_mixed() {
     scene_.clear();
     const std::vector<Prefill> none, some = {{1, 4}, {2, 1}};
@@ -263,7 +264,7 @@ class ProgressCheck {
     const auto make = [&](std::uint32_t operations) {
       auto trial = std::make_unique<Trial>(stage_, subject_, landscape_, sessions_,
                                            round % 2 == 0 ? none : some, false);
-      for (unsigned f = 0; f < kSecondVictim; ++f) {
+      for (unsigned f = 0; f < kFibers; ++f) {
         trial->start(f, operations,
                      [random = Pcg32(hash_keys(options_.seed, round, f))](std::uint32_t) mutable {
                        return random.below(2) == 0 ? Request{Type::insert, random.below(kKinds)}
@@ -274,21 +275,21 @@ class ProgressCheck {
       return trial;
     };
     const auto close = [&](Trial& trial, auto schedule, std::uint64_t number) {
-      if (!all_done(0, kSecondVictim)) accuse(Type::query, "nobody can go on, though nobody was stopped");
+      if (!all_done(0, kFibers)) accuse(Type::query, "nobody can go on, though nobody was stopped");
       enter(trial, Type::query, "{} {}", schedule, number);
     };
     for (std::uint64_t turn = 1; turn <= kMostTurn; ++turn) {
       for (int i = 0; i < 2; ++i) {
         const auto trial = make(kMixedOperations);
-        let_run(0, kSecondVictim, turn);
+        let_run(0, kFibers, turn);
         close(*trial, "in turns of points,", turn);
       }
     }
-    for (unsigned starved = 0; starved < kSecondVictim; ++starved) {
+    for (unsigned starved = 0; starved < kFibers; ++starved) {
       for (int i = 0; i < 2; ++i) {
         const auto trial = make(kStarvingOperations);
-        while (!all_done(0, kSecondVictim) && can_any_run()) {
-          for (unsigned f = 0; f < kSecondVictim; ++f) {
+        while (!all_done(0, kFibers) && can_any_run()) {
+          for (unsigned f = 0; f < kFibers; ++f) {
             if (stage_.can_run(f)) stage_.run(f, f == starved ? 1 : kFeast);
           }
         }
@@ -300,15 +301,15 @@ class ProgressCheck {
       const auto trial = make(kMixedOperations);
       Pcg32 random(hash_keys(options_.seed, s, 17));
       const std::uint32_t longest = 1u << random.below(6);
-      while (!all_done(0, kSecondVictim) && can_any_run()) {
-        const unsigned f = random.below(kSecondVictim);
+      while (!all_done(0, kFibers) && can_any_run()) {
+        const unsigned f = random.below(kFibers);
         if (stage_.can_run(f)) stage_.run(f, 1 + random.below(longest));
       }
       close(*trial, "random schedule", s);
     }
   }
   bool can_any_run() const noexcept {
-    for (unsigned f = 0; f < kSecondVictim; ++f) {
+    for (unsigned f = 0; f < kFibers; ++f) {
       if (stage_.can_run(f)) return true;
     }
     return false;
