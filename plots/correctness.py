@@ -34,7 +34,9 @@ kSections = {
                           "replay": str, "witness": str},
     "progress": {"cache": str, "operation": str, "declared": str, "bound": kBound,
                  "most_steps": kNumber, "steps_by_interference": list, "positions": kNumber,
-                 "blocked_positions": kNumber, "verdict": str, "note": str}}
+                 "blocked_positions": kNumber, "verdict": str, "note": str},
+    "progress_controls": {"control": str, "fault": str, "operation": str, "must": str, "seen": bool,
+                          "note": str}}
 kRequired = ("checks", "controls")
 kVerdicts = ("holds", "violated")
 
@@ -81,6 +83,7 @@ class Correctness:
     schedules: list[dict] | None = None
     explored_controls: list[dict] | None = None
     progress: list[dict] | None = None
+    progress_controls: list[dict] | None = None
     not_examined: list[str] | None = None
     slug: str = "correctness"
     cells: list[Cell] = field(init=False)
@@ -156,6 +159,8 @@ class Correctness:
         named = {c["control"] for c in self.controls if c["required"]}
         made += [f"{c.control} was caught neither by histories nor by schedules" for c in self.broken_caches
                  if not c.is_caught and not c.is_excused and c.control not in named]
+        made += [f"{c['control']} was not seen to {c['must']} by the check of progress"
+                 for c in self.progress_controls or [] if not c["seen"]]
         return made
 
 

@@ -251,7 +251,19 @@ def _progress(c: Correctness, drawn: str) -> str:
             "reported, no fault.</p>" + drawn
             + table('<th>cache</th><th>operation</th><th>declared</th><th class="n">most steps</th>'
                     '<th class="n">bound</th><th class="n">stops that held others up</th><th>remark</th>',
-                    lines))
+                    lines) + _progress_controls(c))
+
+
+def _progress_controls(c: Correctness) -> str:
+    if not c.progress_controls:
+        return ""
+    lines = []
+    for p in c.progress_controls:
+        seen = text(p["note"]) if p["seen"] else '<b class="alarm">NOT SEEN</b>'
+        lines.append(f'<tr><td>{text(p["control"])}<br><span class="note">{text(p["fault"])}</span></td>'
+                     f'<td>{text(p["operation"])} must {text(p["must"])}</td><td>{seen}</td></tr>')
+    return ("<p>These small lists had to be seen through, or the check would prove nothing.</p>"
+            + table("<th>list and its fault</th><th>expected</th><th>what was seen</th>", lines))
 
 
 def _not_examined(c: Correctness) -> str:

@@ -259,7 +259,10 @@ def model_verdicts(**sections) -> dict:
                  "replay": "b:77", "witness": ""} for name in ("relaxed_publication", "publish_before_fill")]
     explored.append(explored[0] | {"control": "wait_free", "check": "linearizable"})
     made = {"checks": checks, "controls": controls, "schedules": schedules, "explored_controls": explored,
-            "progress": progress, "not_examined": ["Processors <other> than this one."]} | sections
+            "progress": progress, "not_examined": ["Processors <other> than this one."],
+            "progress_controls": [{"control": "in_order", "fault": "waits for those before it",
+                                   "operation": "insert", "must": "violate", "seen": True,
+                                   "note": "blocks others when stopped"}]} | sections
     return {name: entries for name, entries in made.items() if entries is not None}
 
 
@@ -752,6 +755,10 @@ class Correctness(InFolder):
         self.changed("explored_controls", {"control": "relaxed_publication"}, caught=False)
         self.holds(self.section(), "relaxed_publication was caught neither by histories nor by schedules",
                    "NOT CAUGHT")
+        path = self.changed("progress_controls", {"control": "in_order"}, seen=False)
+        self.assertIn("too weak: in_order was not seen to violate by the check of progress",
+                      self.judge(path).stdout)
+        self.holds(self.section(), "waits for those before it", "NOT SEEN")
 
     def test_older_files_lack_sections_and_the_page_says_so(self):
         path = self.verdicts(schedules=None, explored_controls=None, progress=None, not_examined=None)
