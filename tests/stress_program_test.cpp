@@ -121,7 +121,7 @@ TEST(StressProgram, ReportsTheChecksAskedFor) {
   const nlohmann::json results = nlohmann::json::parse(in);
   ASSERT_EQ(results.at("checks").size(), 1u);
   EXPECT_EQ(results.at("checks")[0].at("check"), "regular");
-  EXPECT_EQ(results.at("schedules").size() + results.at("explored_controls").size(), 0u);
+  EXPECT_FALSE(results.contains("schedules") || results.contains("explored_controls"));
 }
 
 }  // namespace
