@@ -79,6 +79,7 @@ class SweepFiles(Case):
         for text in (whole[:len(whole) // 2], whole[:-3], "no JSON", "{}", "[]", "\0" * len(whole),
                      '{"context": {}, "benchmarks": []}', '{"context": {}, "benchmarks": 3}',
                      json.dumps({"context": context, "benchmarks": [3]}),
+                     '{"context": {"configuration": ' + "[" * 300_000 + "]" * 300_000 + '}, "benchmarks": []}',
                      json.dumps({"context": {**context, "resumed": 3}, "benchmarks": []})):
             (self.folder / "r.json").write_text(text)
             self.refuse(*small_sweep(out="r.json"), "--resume", says=["r.json"])
@@ -233,7 +234,6 @@ class Interrupted(Case):
 
         def limit_files():
             # Stands in for a full disk: writes become short, then fail.
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, size // 2))
 
         for _ in range(2):  # the second time there is no space from the start

@@ -28,8 +28,16 @@ bool is_current(const Descriptor& file, const fs::path& path) {
 }  // namespace
 
 nlohmann::ordered_json parse_json(std::string_view text, const fs::path& path, std::size_t base) {
+  // No result nests deeper than a few levels; what does would overflow the stack of whoever prints it.
+  constexpr int kMostNested = 64;
+  const auto keep = [&path](int depth, nlohmann::ordered_json::parse_event_t, const nlohmann::ordered_json&) {
+    if (depth > kMostNested)
+      throw std::runtime_error(
+          fmt::format("{} is damaged: nested too deeply; move it away or drop --resume", path.string()));
+    return true;
+  };
   try {
-    return nlohmann::ordered_json::parse(text.begin(), text.end());
+    return nlohmann::ordered_json::parse(text.begin(), text.end(), keep);
   } catch (const nlohmann::json::parse_error& error) {
     throw std::runtime_error(
         fmt::format("{} is damaged: no valid JSON at byte {}; move it away or drop --resume", path.string(),
