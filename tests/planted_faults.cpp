@@ -65,7 +65,7 @@ int run(std::string_view fault) {
     share<WaitFree<>>(2);
     share<WaitFreeSnapshot<>>(2);
   } else if (fault == "relaxed_publication") {
-    share<stress::RelaxedPublication<stress::DelaySync>>(2);
+    share<stress::RelaxedPublication<StdSync>>(2);
   } else if (fault == "unsynchronised") {
     share<Sequential<>>(1);
   } else if (fault == "use_after_free") {
