@@ -1,0 +1,433 @@
+#!/usr/bin/python3
+"""Tests of the report: its pages, the page on correctness, the main job around it, and what it finds."""
+from __future__ import annotations
+
+import base64
+import json
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+
+from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
+                           few_caches, model_caches, model_results, model_verdicts, read_csv, run,
+                           write_results)
+
+import cautions
+import correctness
+import correctness_page
+import findings
+import results
+from figures import CORRECTNESS_FIGURES, FIGURES
+
+
+class Report(InFolder):
+    def page(self, *paths) -> str:
+        self.good("report.py", *paths, "--out", self.folder / "out")
+        return (self.folder / "out/report.html").read_text(encoding="utf-8")
+
+    def test_the_page_needs_nothing_but_itself(self):
+        images = self.folder / "images"
+        images.mkdir()
+        matplotlib.image.imsave(images / "room.png", np.zeros((4, 4)))
+        (images / "room.json").write_text('{"scene": "cornell_box", "cache": "wait_free", "seconds": 0.25}')
+        (images / "broken.png").write_text("no picture")
+        page = self.page(self.results(errors=True))
+        references = References(page)
+        self.assertTrue(references.found)
+        for reference in references.found:
+            self.assertTrue(reference.startswith(("data:", "#")), reference[:80])
+        self.assertFalse(references.tags & {"script", "iframe", "link", "object", "embed"})
+        self.assertNotRegex(page, r"@import|url\(\s*['\"]?(?!#)")
+        drawings = re.findall(r"data:image/svg\+xml;base64,([A-Za-z0-9+/=]+)", page)
+        self.assertGreaterEqual(len(drawings), len(FIGURES))
+        for drawing in drawings:
+            content = base64.b64decode(drawing).decode()
+            self.assertEqual(re.findall(r'(?<!xmlns=")(?<!xmlns:xlink=")https?://[^"]*', content), [])
+        self.assertIn("data:image/png;base64,", page)
+        self.assertIn("cornell box, cache wait_free, 250 ms", page)
+        self.assertIn("broken.png is not a picture", page)
+
+    def test_inner_links_lead_somewhere(self):
+        page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False))
+        for target in re.findall(r'href="#([^"]+)"', page):
+            self.assertEqual(page.count(f'id="{target}"'), 1, target)
+        self.assertIn("nothing is merged", page)
+        self.assertIn('class="banner">Incomplete results (other)', page)
+        self.assertIn("<code>figures/other/throughput.pdf</code>", page)
+
+    def test_incomplete_results_stand_out(self):
+        self.assertIn('class="banner">Incomplete', self.page(self.results(complete=False)))
+        self.assertNotIn('class="banner"', self.page(self.results(complete=True)))
+
+    def test_omitted_figures_are_named_with_the_reason(self):
+        page = self.page(self.results(threads=(2,), workloads=("read_only",)))
+        for line in ("Speed-up: left out, only one thread count",
+                     "Speed against error: left out, no row has both",
+                     "where wait-free access pays: left out, no miss_driven rows"):
+            self.assertIn(line, page)
+        self.assertNotIn('id="speedup"', page)
+
+    def test_the_environment_and_the_command_are_shown(self):
+        page = self.page(self.results(odd_key="<i>odd</i>"))
+        self.assertIn("icbench sweep --threads 1,2,4 --out results.json", page)
+        for key in set(kContext) - {"command_line"}:
+            self.assertIn(f"<td>{key}</td>", page)
+        self.assertIn("&lt;i&gt;odd&lt;/i&gt;", page)
+        self.assertNotIn("<i>odd", page)
+
+    def test_the_page_carries_the_medians(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), errors=False)
+        for row in data["benchmarks"]:
+            row["items_per_second"] = 123.4e6 if row["cache"] == "packed_wait_free" else 61.7e6
+        page = self.page(write_results(self.folder / "results.json", data))
+        self.assertIn("<td>packed_wait_free</td><td class=\"n\">123 <small>[123, 123]</small></td>", page)
+        self.assertIn('<div class="value">2.00× <span>[2.00, 2.00]</span></div>', page)
+
+    def test_no_headline_without_a_comparison(self):
+        caches = model_caches(("packed",), ("wait_free",), ())
+        page = self.page(self.results(caches=caches, workloads=("read_only",)))
+        self.assertIn("there is no headline", page)
+
+
+class Correctness(InFolder):
+    def verdicts(self, name="correctness.json", **sections) -> Path:
+        return write_results(self.folder / name, model_verdicts(**sections))
+
+    def changed(self, section: str, which: dict, **change) -> Path:
+        """Verdicts with the entries of `section` that agree with `which` changed."""
+        data = model_verdicts()
+        matching = [e for e in data[section] if which.items() <= e.items()]
+        self.assertTrue(matching)
+        for entry in matching:
+            entry |= change
+        return write_results(self.folder / "correctness.json", data)
+
+    def page(self, *arguments) -> str:
+        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        self.good("report.py", small, *arguments, "--out", self.folder / "out")
+        return (self.folder / "out/report.html").read_text(encoding="utf-8")
+
+    def section(self) -> str:
+        """The page's section without its figures."""
+        found = correctness.read(self.folder / "correctness.json")
+        return correctness_page.section(found, "correctness", {}, [])
+
+    def holds(self, page: str, *parts: str):
+        missing = [part for part in parts if part not in page]
+        self.assertEqual(missing, [])
+
+    def judge(self, path: Path) -> subprocess.CompletedProcess:
+        return run("correctness.py", path)
+
+    def test_a_sound_file_passes_and_fills_every_part(self):
+        path = self.verdicts()
+        self.assertEqual(self.judge(path).returncode, 0)
+        page = self.page()
+        self.assertEqual(page.count('class="banner"') + page.count('class="alarm"'), 0)
+        self.holds(page, 'id="correctness"', 'id="correctness-promises"', 'id="correctness-witness"',
+                   'id="correctness-steps"', '<div class="value">15 of 15</div>',
+                   '<div class="value">4,000</div>', "with 1,500 overlapping pairs",
+                   '<div class="value">2 of 2</div>', "2 of them by a schedule that can be replayed",
+                   "1 scenario: every interleaving; 1 scenario: all interleavings with up to 3 preemptions",
+                   "linearizable (not promised, <code>a:1201</code>)",
+                   "after 17 schedules, replay <code>b:77</code>", "nothing concurrent was tested: sequential",
+                   "which it does not promise, was seen violating it in 7 of 8 rounds",
+                   "which it does not promise, was seen violating it after 17 schedules (replay b:77)",
+                   '<td class="n">400</td>', "bound: 20 and 4 a level", "37 of 41",
+                   "others wait while it holds the lock", "Processors &lt;other&gt; than this one.")
+        self.assertEqual(References(page).tags & {"script", "iframe", "link", "object", "embed"}, set())
+        for target in re.findall(r'href="#([^"]+)"', page):
+            self.assertEqual(page.count(f'id="{target}"'), 1, target)
+
+    def test_schedules_judged_by_several_checks_count_once(self):
+        # Three caches, two scenarios each.
+        self.verdicts()
+        self.holds(self.section(), f'<div class="value">{3 * 5321:,}</div>')
+
+    def test_the_matrix_tells_the_four_states_apart(self):
+        path = self.changed("checks", {"cache": "global_mutex", "check": "regular"}, verdict="violated")
+        found = correctness.read(path)
+        state = {(cell.cache, cell.check): cell.state for cell in found.cells}
+        self.assertEqual(state["wait_free", "integrity"], "held")
+        self.assertEqual(state["global_mutex", "regular"], "BROKEN")
+        self.assertEqual(state["wait_free", "linearizable"], "violated")
+        self.assertEqual(state["sequential", "frame"], "not seen")
+        self.good("promises.py", path, "--out", self.folder)
+        table = {(line["cache"], line["check"]): line for line in read_csv(self.folder / "promises.csv")}
+        self.assertEqual({key: line["state"] for key, line in table.items()}, state)
+        self.assertEqual(table["wait_free", "linearizable"]["violated_in_schedules"], "True")
+        self.assertEqual(float(table["wait_free", "linearizable"]["schedules"]), 5321)
+
+    def test_a_promise_broken_in_a_history_is_an_alarm(self):
+        path = self.changed("checks", {"cache": "wait_free_snapshot", "check": "linearizable"},
+                            verdict="violated", violations=3, witness="the witness of it")
+        done = self.judge(path)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("wait_free_snapshot promises linearizable and broke it (histories)", done.stdout)
+        page = self.page()
+        banner = '<div class="banner">Broken promise: wait_free_snapshot promises linearizable'
+        self.assertEqual(page.count(banner), 2)  # at the top, too
+        self.holds(page, '<div class="value">14 of 15</div>', "BROKEN: linearizable 3",
+                   "<pre>the witness of it</pre>")
+
+    def test_a_promise_broken_in_a_schedule_or_a_step_count_is_an_alarm(self):
+        path = self.changed("schedules", {"cache": "wait_free", "check": "regular", "threads": 2},
+                            verdict="violated", replay="c:5", witness="lost")
+        self.assertIn("wait_free promises regular and broke it (schedules)", self.judge(path).stdout)
+        self.holds(self.section(), "BROKEN: regular, <code>c:5</code>", "regular in a schedule, replay c:5")
+        path = self.changed("progress", {"cache": "wait_free", "operation": "insert"}, verdict="violated",
+                            most_steps=99)
+        self.assertEqual(self.judge(path).returncode, 1)
+        self.holds(self.section(), "wait_free promises a wait-free insert and broke that", "BROKEN</b>")
+
+    def test_a_stress_that_sees_no_fault_is_too_weak(self):
+        path = self.changed("controls", {"control": "wait_free"}, seen=False, rounds_violated=0)
+        done = self.judge(path)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("too weak: wait_free was not seen violating linearizable in 8 rounds", done.stdout)
+        self.holds(self.section(), '<div class="banner">The stress was too weak')
+        path = self.changed("explored_controls", {"control": "wait_free"}, caught=False)
+        self.assertIn("too weak: wait_free was not seen violating linearizable in 17 schedules",
+                      self.judge(path).stdout)
+        self.changed("explored_controls", {"control": "relaxed_publication"}, caught=False)
+        self.holds(self.section(), "relaxed_publication was caught neither by histories nor by schedules",
+                   "NOT CAUGHT")
+        path = self.changed("progress_controls", {"control": "in_order"}, seen=False)
+        self.assertIn("too weak: in_order was not seen to violate by the check of progress",
+                      self.judge(path).stdout)
+        self.holds(self.section(), "waits for those before it", "NOT SEEN")
+
+    def test_older_files_lack_sections_and_the_page_says_so(self):
+        path = self.verdicts(schedules=None, explored_controls=None, progress=None, not_examined=None)
+        self.assertEqual(self.judge(path).returncode, 0)  # what this processor cannot show is excused
+        page = self.page()
+        self.assertEqual(page.count("was written by an icstress that did not examine it"), 2)
+        self.holds(page,
+                   "interleavings one by one, broken caches by schedule, step bounds and stopped threads",
+                   "The fault of relaxed_publication: this processor does not show it",
+                   "does not list what icstress left out", "<td>not examined</td>",
+                   "Steps against interference: left out")
+        self.assertEqual(page.count('class="banner"'), 0)
+
+    def test_without_verdicts_the_page_says_how_to_get_them(self):
+        page = self.page()
+        self.assertEqual(page.count('id="correctness"'), 1)
+        self.holds(page, "icstress --json")
+
+    def test_verdicts_may_lie_elsewhere_and_be_several(self):
+        folder = self.folder / "elsewhere"
+        first = write_results(folder / "a.json", model_verdicts())
+        second = write_results(folder / "b.json", model_verdicts(progress=None))
+        page = self.page("--correctness", first, "--correctness", second, "--correctness", first)
+        for anchor in ("correctness", "correctness-2", "correctness-2-promises"):
+            self.assertEqual(page.count(f'id="{anchor}"'), 1, anchor)
+        self.assertTrue((self.folder / "out/figures/correctness-2/promises.pdf").exists())
+
+    def test_bounds_may_be_words_numbers_or_absent(self):
+        self.assertEqual(correctness.bound_of({"bound": "4 a level", "bound_steps": 60}), (60, "4 a level"))
+        self.assertEqual(correctness.bound_of({"bound": "", "bound_steps": 0}), (None, ""))
+        self.assertEqual(correctness.bound_of({"bound": 60}), (60, ""))
+        self.assertEqual(correctness.bound_of({"bound": None}), (None, ""))
+        self.good("steps.py", self.verdicts(), "--out", self.folder)
+        lines = read_csv(self.folder / "steps.csv")
+        self.assertEqual({(line["cache"], line["bound"]) for line in lines if line["operation"] == "insert"},
+                         {("sequential", ""), ("global_mutex", ""), ("wait_free", "60"),
+                          ("wait_free_snapshot", "60")})
+        self.assertEqual(len(lines), 4 * 2 * 5)
+
+    def test_the_witness_is_drawn_from_its_stamps(self):
+        path = self.verdicts()
+        self.good("witness.py", path, "--out", self.folder)
+        lines = read_csv(self.folder / "witness.csv")
+        self.assertEqual([(line["thread"], line["call"], line["return"]) for line in lines],
+                         [("1", "129", "130"), ("3", "153", "154"), ("0", "117", "204")])
+        self.assertEqual([line["reason"] for line in lines],
+                         ["returned before the next was called", "was seen by the next",
+                          "did not see the first"])
+        self.holds(self.section(), "It was seen by operation 3, so it comes before operation 3.",
+                   "It did not see operation 1, so it comes before operation 1.")
+        pending = correctness.steps_of(kCycle.replace("154]", "never]"))
+        self.assertIsNone(pending[1].end)
+        self.assertEqual(correctness.steps_of("something else\n  entirely"), [])
+
+    def test_figures_are_one_column_wide_with_truetype_fonts(self):
+        path = self.verdicts()
+        for figure in CORRECTNESS_FIGURES:
+            self.good(f"{figure.name}.py", path, "--out", self.folder)
+            pdf = (self.folder / f"{figure.name}.pdf").read_bytes()
+            self.assertIn(b"/FontFile2", pdf, figure.name)
+            self.assertNotIn(b"/Type3", pdf, figure.name)
+            for box in re.findall(rb"/MediaBox \[ ?0 0 ([0-9.]+) ([0-9.]+)", pdf):
+                self.assertAlmostEqual(float(box[0]), 3.3 * 72, 1)
+
+    def test_a_wrong_file_is_one_line_and_status_2(self):
+        wrong = {"text": "not json", "list": "[]", "nothing": "{}", "controls": '{"checks": []}',
+                 "empty": '{"checks": [], "controls": []}',
+                 "entry": json.dumps(model_verdicts(checks=[3])),
+                 "verdict": json.dumps(model_verdicts(checks=[model_verdicts()["checks"][0]
+                                                              | {"verdict": "maybe"}])),
+                 "type": json.dumps(model_verdicts(schedules=[{"cache": 1}])),
+                 "pairs": json.dumps(model_verdicts(progress=[model_verdicts()["progress"][0]
+                                                              | {"steps_by_interference": [[1]]}])),
+                 "strings": json.dumps(model_verdicts(not_examined=[1]))}
+        for name, content in wrong.items():
+            with self.subTest(name):
+                path = self.folder / f"{name}.json"
+                path.write_text(content)
+                with self.assertRaisesRegex(results.InputError, rf"^[^\n]+{name}\.json[^\n]+$"):
+                    correctness.read(path)
+        path = self.folder / "text.json"
+        for script, *arguments in (("correctness.py", path), ("promises.py", path),
+                                   ("report.py", self.results(), "--correctness", path)):
+            done = run(script, *arguments)
+            self.assertEqual((done.returncode, done.stdout), (2, ""))
+            self.assertRegex(done.stderr, r"^[^\n]+text\.json[^\n]+\n$")
+        self.assertEqual(run("correctness.py", self.folder / "absent.json").returncode, 2)
+        self.assertEqual(run("correctness.py").returncode, 2)
+
+
+class MainJob(InFolder):
+    """bench/run around programs that hand out what was made before."""
+
+    def setUp(self):
+        super().setUp()
+        self.root, self.out = self.folder / "root", self.folder / "results"
+        (self.root / "bench").mkdir(parents=True)
+        for name in ("run", "setup", "packages.txt"):
+            shutil.copy(kRoot / "bench" / name, self.root / "bench" / name)
+        (self.root / "plots").symlink_to(kPlots)
+        self.program("../../../../tools/cmake", "")
+        self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"')
+
+    def program(self, name: str, body: str):
+        """A program that runs `body` with $OUT set to the value of its --out or --json."""
+        path = self.root / "build/release/bin" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        (self.folder / "root/build/release/bin").mkdir(parents=True, exist_ok=True)
+        path.write_text('#!/usr/bin/env bash\necho "${0##*/} $1" >>"$CALLS"\n'
+                        'for i in "$@"; do [[ $last != --out && $last != --json ]] || OUT=$i; last=$i; done\n'
+                        f"{body}\n")
+        path.chmod(0o755)
+
+    def job(self) -> subprocess.CompletedProcess:
+        self.calls = self.folder / "calls"
+        self.calls.write_text("")
+        environment = os.environ | {"ICBENCH_PYTHON": sys.executable, "CALLS": str(self.calls),
+                                    "PATH": f"{self.folder / 'tools'}:{os.environ['PATH']}"}
+        return subprocess.run([self.root / "bench/run", "--quick", "--no-install", "--out", self.out],
+                              capture_output=True, text=True, env=environment, check=False)
+
+    def verdicts(self, broken: bool) -> Path:
+        data = model_verdicts()
+        if broken:
+            data["checks"][0] |= {"verdict": "violated", "violations": 1}
+        return write_results(self.folder / "verdicts.json", data)
+
+    def test_a_sound_run_ends_with_the_report(self):
+        self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
+        done = self.job()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
+        self.assertIn('id="correctness-promises"', (self.out / "report.html").read_text())
+
+    def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
+        self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
+        done = self.job()
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("not every cache was shown to be correct", done.stderr)
+        self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
+        self.assertIn('class="banner">Broken promise', (self.out / "report.html").read_text())
+
+    def test_verdicts_of_another_run_are_not_taken_for_those_of_a_crash(self):
+        self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
+        self.assertEqual(self.job().returncode, 0)
+        self.program("icstress", "kill -SEGV $$")
+        self.assertEqual(self.job().returncode, 1)
+        self.assertTrue((self.out / "correctness.previous.json").exists())
+        self.assertNotIn('id="correctness-promises"', (self.out / "report.html").read_text())
+
+    def test_a_resumed_run_keeps_its_verdicts_and_what_they_say(self):
+        self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
+        plots = self.root / "plots"
+        plots.unlink()  # no plots, no report: the run ends unfinished
+        self.assertEqual(self.job().returncode, 1)
+        plots.symlink_to(kPlots)
+        done = self.job()
+        self.assertNotIn("icstress", self.calls.read_text())
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("broken promise: sequential promises integrity", done.stderr)
+        self.assertTrue((self.out / "report.html").exists())
+
+
+class Findings(InFolder):
+    def setup_of(self, **options) -> results.Setup:
+        return results.load([self.results(**options)])[0]
+
+    def test_warnings_are_those_of_the_run(self):
+        calm = self.setup_of(threads=(1, 8), repetitions=8, noise=0.001)
+        self.assertEqual(cautions.cautions(calm), [])
+        wild = self.setup_of(threads=(1, 32), noise=0.5, governor="unknown", hypervisor="kvm", complete=False,
+                             equal_speed_pus=False, load_avg=[3.0, 2.0, 1.0])
+        text = " ".join(w.text for w in cautions.cautions(wild))
+        for word in ("incomplete", "virtual machine (kvm)", "governor is unknown", "not equally fast",
+                     "not idle",
+                     "Oversubscribed: 32", "Noisy:", "three to five repetitions"):
+            self.assertIn(word, text)
+        self.assertTrue(cautions.cautions(wild)[0].grave)
+
+    def test_a_tie_is_undecided(self):
+        caches = few_caches()
+        data = model_results(caches=caches, workloads=kFewWorkloads[:1], threads=(8,), errors=False)
+        for i, row in enumerate(data["benchmarks"]):
+            row["items_per_second"] = 1e6 * (1 + 0.1 * math.sin(i))
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        self.assertIn("Undecided", findings.of_throughput(setup, "packed", 8).text)
+
+    def test_what_strictness_costs_is_the_ratio_of_the_two(self):
+        caches = model_caches(("ward",), ("global_mutex", "wait_free", "wait_free_snapshot"), ())
+        data = model_results(caches=caches, workloads=kFewWorkloads, threads=(8,), errors=False)
+        for row in data["benchmarks"]:
+            rate = {"global_mutex": 1e6, "wait_free": 4e6, "wait_free_snapshot": 3e6}[row["cache"]]
+            row |= {"items_per_second": rate, "real_time": row["queries"] / rate * 1e3}
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        found = findings.of_strictness(setup, 8)
+        self.assertEqual(found.value, "0.750× [0.750, 0.750]")
+        self.assertIn("of wait_free_snapshot, whose queries are atomic snapshots, over that of wait_free",
+                      found.text)
+        self.assertNotIn("Undecided", found.text)
+        self.assertIn(found, findings.findings(setup))
+        self.assertIsNone(findings.of_strictness(self.setup_of(), 8))  # only one of the two was measured
+
+    def test_error_at_equal_time_is_the_ratio_at_the_caches_time(self):
+        rows = []
+        for repetition in range(3):
+            shared = {"threads": 1, "scene": "box", "workload_kind": "ray_traced",
+                      "repetition_index": repetition,
+                      "real_time": 1.0, "time_unit": "s"}
+            for spp in (1, 100):  # relMSE 1 / seconds
+                rows.append(shared | {"name": f"pareto/path:{spp}/none/threads:1", "cache": "none",
+                                      "spp": spp,
+                                      "workload": f"box:path:spp={spp}", "integrator": "path",
+                                      "structure": "none",
+                                      "mechanism": "none", "seconds_indirect": float(spp),
+                                      "relmse": 1.0 / spp})
+            rows.append(shared | {"name": "pareto/box/wait_free/threads:1", "cache": "wait_free",
+                                  "structure": "ward",
+                                  "workload": "box:rays=8", "mechanism": "wait_free",
+                                  "integrator": "irradiance_cache",
+                                  "seconds_indirect": 10.0, "relmse": 0.02})
+        path = write_results(self.folder / "results.json", {"context": kContext, "benchmarks": rows})
+        found = findings.of_error(results.load([path])[0], "ward", 1)
+        self.assertEqual(found.value, "5.00× [5.00, 5.00]")
+
+
+if __name__ == "__main__":
+    unittest.main()

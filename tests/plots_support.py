@@ -1,0 +1,305 @@
+"""What the tests of the plots share: results and verdicts made up by a model of contention, and folders."""
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+import zlib
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+
+kRoot = Path(__file__).resolve().parent.parent
+kPlots = kRoot / "plots"
+sys.path.insert(0, str(kPlots))
+
+import results  # noqa: E402
+
+kMechanisms = {  # contention, coherency, single-thread speed of the model
+    "sequential": ("none", 0.0, 0.0, 1.05),
+    "global_mutex": ("global_mutex", 0.9, 0.02, 0.82),
+    "global_spin": ("global_spin", 0.8, 0.05, 0.92),
+    "queuing_mutex": ("queuing_mutex", 0.85, 0.015, 0.85),
+    "shared_mutex": ("shared_mutex", 0.45, 0.01, 0.80),
+    "spin_rw_mutex": ("spin_rw_mutex", 0.40, 0.012, 0.88),
+    "distributed_rw": ("distributed_rw", 0.12, 0.004, 0.86),
+    "node_lock": ("node_lock", 0.10, 0.003, 0.70),
+    "local_write": ("local_write", 0.03, 0.0005, 0.98),
+    "wait_free": ("wait_free", 0.02, 0.0004, 0.97),
+    "wait_free_snapshot": ("wait_free", 0.035, 0.0006, 0.93),
+}
+kStructures = {"ward": ("", 2.0e6), "packed": ("packed_", 2.2e7)}
+kLoners = {"tbb_hash_grid": ("hash_grid", "concurrent_container", 0.06, 0.002, 6e6),
+           "append_log": ("append_log", "append_log", 0.03, 0.001, 1.2e7),
+           "null": ("none", "none", 0.0, 0.0, 4e8)}
+kContext = {
+    "date": "2025-01-01T12:00:00+00:00", "host_name": "model",
+    "cpu_model": "Model CPU (synthetic sample data)", "num_cpus": 16, "cores": 8, "packages": 2,
+    "machine": {"units": 16, "cores": 8, "packages": 2, "numa_nodes": 2}, "mhz_per_cpu": 3000,
+    "cpu_scaling_enabled": False, "virtualised": False, "hypervisor": None, "cgroup_cpu_quota": None,
+    "caches": [{"type": "Data", "level": 1, "size": 32768, "num_sharing": 2},
+               {"type": "Unified", "level": 3, "size": 33554432, "num_sharing": 8}],
+    "boundaries": [{"threads": 5, "kind": "package"}, {"threads": 9, "kind": "smt"},
+                   {"threads": 17, "kind": "oversubscribed"}],
+    "governor": "performance", "kernel": "Linux 6.1", "compiler": "GNU 12.2.0",
+    "compiler_flags": "-O3 -march=native",
+    "commit": "0123456789abcdef", "seed": 42, "placement": "compact", "load_avg": [0.1, 0.1, 0.1],
+    "equal_speed_pus": True, "complete": True, "command_line": "icbench sweep --threads 1,2,4 --out "
+                                                               "results.json"}
+kWorkloads = ["read_only:order=uniform", "read_only:order=hot_spot", "mix_90_10:order=uniform",
+              "mix_90_10:order=hot_spot", "mix_50_50:order=hot_spot", "insert_only", "miss_driven:cost=0",
+              "miss_driven:cost=1", "miss_driven:cost=4", "miss_driven:cost=16", "miss_driven:cost=64",
+              "miss_driven:cost=256", "cornell_box:rays=64:a=0.2:order=morton",
+              "sibenik:rays=64:a=0.2:order=morton"]
+
+
+def model_caches(structures=tuple(kStructures), mechanisms=tuple(kMechanisms),
+                 loners=tuple(kLoners)) -> list[dict]:
+    caches = []
+    for structure in structures:
+        prefix, speed = kStructures[structure]
+        for name in mechanisms:
+            mechanism, alpha, beta, factor = kMechanisms[name]
+            caches.append({"cache": prefix + name, "structure": structure, "mechanism": mechanism,
+                           "alpha": alpha,
+                           "beta": beta, "speed": speed * factor})
+    for name in loners:
+        structure, mechanism, alpha, beta, speed = kLoners[name]
+        caches.append({"cache": name, "structure": structure, "mechanism": mechanism, "alpha": alpha,
+                       "beta": beta,
+                       "speed": speed})
+    return caches
+
+
+def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: float) -> dict:
+    """One repetition of the model: the Universal Scalability Law with SMT, oversubscription and noise."""
+    random = np.random.default_rng([zlib.crc32(f"{cache['cache']}{workload}{threads}".encode()), repetition])
+    base, *rest = workload.split(":")
+    parameters = dict(p.split("=") for p in rest)
+    kind = ("mix" if base.startswith("mix") else base if base in ("read_only", "insert_only", "miss_driven")
+            else "ray_traced")
+    writes = {"read_only": 0.0, "insert_only": 1.0, "mix": int(base.split("_")[-1]) / 100 if kind == "mix"
+              else 0,
+              "miss_driven": 0.1, "ray_traced": 0.05}[kind]
+    hot = 2.0 if parameters.get("order") == "hot_spot" else 1.0
+    free = not any(word in cache["mechanism"] for word in ("mutex", "spin", "rw"))
+    pressure = hot * (0.3 + 2 * writes)
+    cost = float(parameters.get("cost", 0)) + (0.05 * float(parameters["rays"]) if kind == "ray_traced"
+                                               else 0)
+    own = 1e6 * (1 + 6 * writes) / cache["speed"]  # microseconds of an operation in the cache
+    share = own / (own + cost * 0.1)
+    alpha, beta = min(0.97, cache["alpha"] * pressure * share), cache["beta"] * pressure * share
+    units = min(threads, 8) + 0.3 * max(0, min(threads, 16) - 8)
+    loss = 1.0 if free else 1 + 0.25 * max(0.0, math.log2(threads / 16)) * (share ** 0.5)
+    rate = 1e6 / (own + cost * 0.1) * units / (1 + alpha * (units - 1) + beta * units * (units - 1)) / loss
+    rate *= float(np.exp(random.normal(0, noise * (1 + (threads > 16)))))
+    operations = 2_000_000
+    inserts = max(1, int(operations * writes)) if writes else 0
+    redundant = 0 if threads == 1 else int(inserts * 0.002 * threads
+                                           * (12 if "local" in cache["mechanism"] else 1))
+    waiting = 0.0 if free or threads == 1 else 1 - 1 / (1 + alpha * (units - 1))
+    row = {"name": f"sweep/{workload}/{cache['cache']}/threads:{threads}", "run_type": "iteration",
+           "iterations": 1,
+           "repetition_index": repetition, "cache": cache["cache"], "workload": workload,
+           "workload_kind": kind,
+           "structure": cache["structure"], "mechanism": cache["mechanism"], "consistency": "regular",
+           "threads": threads, "placement": "compact", "oversubscribed": threads > 16,
+           "real_time": operations / rate * 1e3, "cpu_time": operations / rate * 1e3 * min(threads, 16),
+           "time_unit": "ms", "items_per_second": rate, "queries": operations - inserts, "inserts": inserts,
+           "hits": int(operations * 0.8), "records": inserts + redundant, "redundant_records": redundant,
+           "utilisation": 0.99 - (0.6 * waiting if "spin" not in cache["mechanism"] else 0.0),
+           "lock_wait_share": waiting, "bytes_per_record": 180.0}
+    if free and inserts:
+        row |= {"cas_attempts": inserts * 2, "nodes_discarded": 0,
+                "cas_failures": int(inserts * 0.002 * (threads - 1) * hot)}
+    tail = 1.05 if free else 2.0 ** max(0.0, math.log2(threads))
+    for operation, factor in (("query", 1.0), ("insert", 6.0)):
+        if operation == "insert" and not inserts or operation == "query" and inserts == operations:
+            continue
+        for percentile, growth in (("p50", 1), ("p90", 1.8), ("p99", 4), ("p999", 9 * tail),
+                                   ("max", 60 * tail**1.5)):
+            usual = 1e9 / cache["speed"] * factor
+            row[f"latency_{operation}_{percentile}_ns"] = usual * growth * random.uniform(0.95, 1.05)
+    if parameters.get("order"):
+        row["order"] = parameters["order"]
+    if kind == "miss_driven":
+        row["record_cost_us"] = cost
+    if kind == "ray_traced":
+        row |= {"scene": base, "integrator": "irradiance_cache", "rays_per_record": int(parameters["rays"]),
+                "accuracy": float(parameters["a"]), "reference_relmse": 2e-5}
+    return row
+
+
+def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", "sibenik"),
+                 repetitions=5) -> list[dict]:
+    """Rows of speed against error: every cache over rays and accuracy, and the path tracer over samples."""
+    rows = []
+    for scene in scenes:
+        for count in threads:
+            units = min(count, 8) + 0.3 * max(0, min(count, 16) - 8)
+            for repetition in range(repetitions):
+                for cache in caches:
+                    for rays in (16, 64, 256):
+                        for a in (0.1, 0.2, 0.4):
+                            workload = f"{scene}:rays={rays}:a={a}:order=morton"
+                            row = model_row(cache, workload, count, repetition, 0.02)
+                            slow = 1 + cache["alpha"] * (units - 1)
+                            row["seconds_indirect"] = ((rays * 0.02 / a**1.4 + 40e6 / cache["speed"]) / units
+                                                       * slow
+                                                       * row["real_time"]
+                                                       / model_row(cache, workload, count, 0,
+                                                                   0.0)["real_time"])
+                            row["relmse"] = (0.004 * a**2 + 0.03 / rays * a + 2e-5) * (1 + 0.02 * repetition)
+                            row["name"] = row["name"].replace("sweep/", "pareto/")
+                            row["rmse"], row["mean_ratio"] = row["relmse"] ** 0.5, 0.99
+                            rows.append(row)
+                for spp in (1, 4, 16, 64, 256):
+                    random = np.random.default_rng([spp, count, repetition])
+                    rows.append({"name": f"pareto/{scene}:path:spp={spp}/none/threads:{count}",
+                                 "run_type": "iteration",
+                                 "repetition_index": repetition, "cache": "none",
+                                 "workload": f"{scene}:path:spp={spp}",
+                                 "workload_kind": "ray_traced", "structure": "none", "mechanism": "none",
+                                 "threads": count, "placement": "compact", "oversubscribed": count > 16,
+                                 "real_time": spp * 400 / units, "time_unit": "ms", "scene": scene,
+                                 "integrator": "path", "spp": spp, "reference_relmse": 2e-5,
+                                 "seconds_indirect": spp * 0.4 / units * random.uniform(0.98, 1.02),
+                                 "relmse": 0.05 / spp * random.uniform(0.97, 1.03) + 2e-5})
+    return rows
+
+
+def model_results(threads=(1, 2, 4, 8, 16, 32, 64), workloads=tuple(kWorkloads), repetitions=5, noise=0.02,
+                  caches=None, errors=True, **context) -> dict:
+    """A whole results file of the model."""
+    caches = model_caches() if caches is None else caches
+    rows = [model_row(cache, workload, count, repetition, noise) for repetition in range(repetitions)
+            for workload in workloads for cache in caches for count in threads
+            if count == 1 or not cache["cache"].endswith("sequential")]
+    if errors:
+        rows += model_errors([c for c in caches if c["mechanism"] in ("none", "global_mutex", "local_write",
+                                                                      "wait_free")
+                              and c["cache"] != "null" and not c["cache"].endswith("sequential")])
+    return {"context": kContext | context, "benchmarks": rows}
+
+
+kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
+kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
+  thread 1 [129, 130] insert of record 82, place 0, size 0
+    returned before the next was called
+  thread 3 [153, 154] insert of record 162, place 0, size 3
+    was seen by the next
+  thread 0 [117, 204] query at place 0, saw 8 records
+    did not see the first"""
+
+
+def model_verdicts(**sections) -> dict:
+    """A file of icstress with every section; a section given as None is left out."""
+    caches = {"sequential": 4, "global_mutex": 4, "wait_free": 3, "wait_free_snapshot": 4}  # checks promised
+    checks, schedules, progress = [], [], []
+    for cache, promised in caches.items():
+        for i, check in enumerate(kChecks):
+            violated = i >= promised and cache != "sequential"
+            witness = (kCycle if check == "linearizable" else "the frame was not kept") if violated else ""
+            checks.append({"cache": cache, "check": check, "verdict": "violated" if violated else "holds",
+                           "promised": i < promised, "operations": 1000, "seed": 1,
+                           "concurrent_pairs": 0 if cache == "sequential" else 500,
+                           "violations": 12 if violated else 0, "witness": witness})
+            if cache == "sequential" or check == "frame":
+                continue
+            for scenario, threads, preemptions, count in (("two inserts, one query", 3, None, 4321),
+                                                          ("insert and query", 2, 3, 1000)):
+                violated = i >= promised and threads == 3
+                schedules.append({"cache": cache, "scenario": scenario, "threads": threads, "stamps": "calls",
+                                  "preemptions": preemptions, "schedules": count, "complete": True,
+                                  "check": check, "verdict": "violated" if violated else "holds",
+                                  "promised": i < promised, "replay": "a:1201" if violated else "",
+                                  "witness": kCycle if violated else ""})
+        for operation, bound in (("insert", 60), ("query", 400)):
+            free = cache.startswith("wait_free")
+            progress.append({"cache": cache, "operation": operation,
+                             "declared": "wait_free" if free else "blocking",
+                             "bound": "20 and 4 a level" if free else "", "bound_steps": bound if free else 0,
+                             "most_steps": 41, "steps_by_interference": [[n, 41] for n in (0, 1, 4, 16, 64)],
+                             "positions": 41, "blocked_positions": 0 if free else 37, "verdict": "holds",
+                             "note": "" if free else "others wait while it holds the lock"})
+    control = {"fault": "a fault", "operations": 900, "seed": 1, "witness": "", "rounds": 8}
+    controls = [control | {"control": "wait_free", "check": "linearizable", "seen": True, "required": True,
+                           "rounds_violated": 7},
+                control | {"control": "relaxed_publication", "check": "integrity", "seen": False,
+                           "required": False, "rounds_violated": 0},
+                control | {"control": "publish_before_fill", "check": "integrity", "seen": True,
+                           "required": True, "rounds_violated": 1}]
+    explored = [{"control": name, "fault": "a fault", "check": "integrity", "caught": True, "schedules": 17,
+                 "replay": "b:77", "witness": ""} for name in ("relaxed_publication", "publish_before_fill")]
+    explored.append(explored[0] | {"control": "wait_free", "check": "linearizable"})
+    made = {"checks": checks, "controls": controls, "schedules": schedules, "explored_controls": explored,
+            "progress": progress, "not_examined": ["Processors <other> than this one."],
+            "progress_controls": [{"control": "in_order", "fault": "waits for those before it",
+                                   "operation": "insert", "must": "violate", "seen": True,
+                                   "note": "blocks others when stopped"}]} | sections
+    return {name: entries for name, entries in made.items() if entries is not None}
+
+
+def write_results(path: Path, results: dict) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(results), encoding="utf-8")
+    return path
+
+
+def run(script: str, *arguments, **environment) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, str(kPlots / script), *map(str, arguments)], capture_output=True,
+                          text=True,
+                          env=os.environ | environment, check=False)
+
+
+def read_csv(path: Path) -> list[dict]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def few_caches() -> list[dict]:
+    return model_caches(("packed",), ("sequential", "global_mutex", "shared_mutex", "local_write",
+                                      "wait_free"), ())
+
+
+kFewWorkloads = ("mix_90_10:order=hot_spot", "miss_driven:cost=1", "miss_driven:cost=64")
+
+
+class References(HTMLParser):
+    """Collects everything in a page that could load something."""
+
+    def __init__(self, page: str):
+        super().__init__()
+        self.found: list[str] = []
+        self.tags: set[str] = set()
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        self.found += [value or "" for key, value in attributes
+                       if key in ("src", "href", "srcset", "data", "poster", "action", "background",
+                                  "xlink:href")]
+
+
+class InFolder(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def results(self, name="results.json", **options) -> Path:
+        options = {"caches": few_caches(), "workloads": kFewWorkloads, "threads": (1, 2, 8, 32),
+                   "errors": False} | options
+        return write_results(self.folder / name, model_results(**options))
+
+    def good(self, script, *arguments) -> subprocess.CompletedProcess:
+        done = run(script, *arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stderr, "")
+        return done
