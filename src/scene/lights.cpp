@@ -9,15 +9,17 @@
 
 namespace icbench {
 
-LightTable::LightTable(const Scene& scene) {
+LightTable::LightTable(const Scene& scene, float frame) {
   std::vector<double> powers;
-  for (const Mesh& mesh : scene.meshes) {
-    const Material& material = scene.materials[mesh.material];
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    const Material& material = scene.materials[scene.meshes[i].material];
     if (!material.emits()) continue;
+    const Mesh& mesh = scene.shape(i);
+    const Pose pose = scene.meshes[i].pose ? scene.meshes[i].pose(frame) : Pose{};
     for (const glm::uvec3& t : mesh.triangles) {
-      const glm::vec3 p0 = mesh.positions[t.x];
-      const glm::vec3 e1 = mesh.positions[t.y] - p0;
-      const glm::vec3 e2 = mesh.positions[t.z] - p0;
+      const glm::vec3 p0 = pose(mesh.positions[t.x]);
+      const glm::vec3 e1 = pose(mesh.positions[t.y]) - p0;
+      const glm::vec3 e2 = pose(mesh.positions[t.z]) - p0;
       const glm::vec3 cross = glm::cross(e1, e2);
       const float length = glm::length(cross);
       lights_.push_back({p0, e1, e2, cross / length, material.emission, 1.0f, 0});

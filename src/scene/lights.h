@@ -24,8 +24,8 @@ class LightTable {
  public:
   LightTable() = default;
 
-  /// All emitting triangles of a checked scene.
-  explicit LightTable(const Scene& scene);
+  /// All emitting triangles of a checked scene, with rigid meshes where they stand at a frame.
+  LightTable(const Scene& scene, float frame);
 
   bool empty() const noexcept { return lights_.empty(); }
   std::size_t size() const noexcept { return lights_.size(); }
