@@ -271,8 +271,8 @@ Mesh shade(Mesh mesh, float crease) {
   return mesh;
 }
 
-void Parts::add(std::uint32_t material, const Mesh& mesh) {
-  if (mesh.normals.empty()) return add(material, shade(mesh));
+void Parts::add(std::uint32_t material, const Mesh& given) {
+  const Mesh mesh = given.normals.empty() ? shade(given) : given;
   Mesh& to = meshes_[material];
   to.material = material;
   const auto first = static_cast<std::uint32_t>(to.positions.size());
