@@ -21,7 +21,7 @@ void append(Polygon& to, const Polygon& from) { to.insert(to.end(), from.begin()
 
 // A leaf of a capital that clings to the bell and curls outwards at its tip, in the direction of +z.
 Mesh capital_leaf(float bell, float y, float height, float width) {
-  return block({2, 5, 1}, [=](const vec3& u) {
+  return block({2, 4, 1}, [=](const vec3& u) {
     constexpr float kStraight = 0.62f, kCurl = 2.5f;
     const float s = u.y, lobes = 1.0f + 0.12f * std::sin(9.0f * s);
     const float half =
@@ -65,19 +65,19 @@ Parts column(float radius, float height, std::uint32_t stone) {
   whole.add(stone, solid_box({-1.36f * r, kGap, -1.36f * r}, {1.36f * r, plinth, 1.36f * r}));
   Polygon profile{{0.0f, plinth - 0.02f}, {1.1f * r, plinth - 0.02f}, {1.1f * r, plinth - 0.02f}};
   const auto torus = [&](float at, float y, float half) {
-    append(profile, arc({at, y}, half, -0.5f * kPi, 0.5f * kPi, 6));
+    append(profile, arc({at, y}, half, -0.5f * kPi, 0.5f * kPi, 4));
   };
   const float lower = 0.16f * r, upper = 0.10f * r;
   torus(1.18f * r, plinth + lower, lower);
   profile.push_back(profile.back());
   append(profile,
-         arc({1.20f * r, plinth + 2.0f * lower + 0.11f * r}, 0.11f * r, -0.5f * kPi, -1.5f * kPi, 5));
+         arc({1.20f * r, plinth + 2.0f * lower + 0.11f * r}, 0.11f * r, -0.5f * kPi, -1.5f * kPi, 4));
   profile.push_back(profile.back());
   const float ring = plinth + 2.0f * lower + 0.22f * r + upper;
   torus(1.10f * r, ring, upper);
   profile.push_back(profile.back());
   profile.emplace_back(1.03f * r, ring + 1.1f * upper);
-  constexpr int kShaft = 6;
+  constexpr int kShaft = 4;
   for (int i = 0; i <= kShaft; ++i) {  // entasis: the shaft thins faster towards its top
     const float s = static_cast<float>(i) / kShaft,
                 y = ring + 2.0f * upper + s * (bell - 0.2f * r - ring - 2.0f * upper);
@@ -86,13 +86,13 @@ Parts column(float radius, float height, std::uint32_t stone) {
   profile.push_back(profile.back());
   torus(top, bell - 0.1f * r, 0.09f * r);
   profile.push_back(profile.back());
-  for (int i = 0; i <= 5; ++i) {
-    const float s = static_cast<float>(i) / 5.0f;
+  for (int i = 0; i <= 4; ++i) {
+    const float s = static_cast<float>(i) / 4.0f;
     profile.emplace_back(0.80f * r + 0.36f * r * s * s * s, bell + s * (capital + 0.02f));
   }
   profile.push_back(profile.back());
   profile.emplace_back(0.0f, profile.back().y);
-  whole.add(stone, revolve("column", vec3(0.0f), profile, 24, stone));
+  whole.add(stone, revolve("column", vec3(0.0f), profile, 20, stone));
   for (int i = 0; i < 16; ++i) {
     const bool low = i < 8;
     const Mesh leaf = low ? capital_leaf(0.78f * r, bell + 0.02f, 0.8f * r, 0.68f * r)
@@ -213,7 +213,8 @@ Parts arched_window(float x, float width, float sill, float springing, float dep
   const float r = 0.5f * width, tall = springing - sill;
   Parts window;
   window.add(m.pane, sheet(arched_opening(x, width + 0.06f, sill - 0.03f, springing, steps), {0, 0, -depth}));
-  window.add(m.stone, archivolt({x, springing}, r, 0.22f, tall, steps));
+  const Polygon surround{{0.012f, -0.05f}, {0.22f, -0.05f}, {0.22f, 0.05f}, {0.17f, 0.06f}, {0.012f, 0.02f}};
+  window.add(m.stone, sweep(around_arch({x, springing}, r, tall, steps), surround, kOut));
   window.add(m.stone,
              solid_box({x - r - 0.26f, sill - 0.14f, -0.06f}, {x + r + 0.26f, sill - 0.004f, 0.10f}));
   const float z = -depth + 0.05f, bar = 0.022f;
@@ -234,7 +235,7 @@ Parts rose_window(const glm::vec2& centre, float radius, float depth, const Wind
   Parts rose;
   rose.add(m.pane, sheet(circle(centre, radius + 0.04f, 64), {0, 0, -depth}));
   const auto ring = [&](float r, float half, float out) {
-    Path path = lift(circle({0.0f, 0.0f}, r, 64), middle + vec3(0, 0, out), kAcross, kUp);
+    Path path = lift(circle({0.0f, 0.0f}, r, 40), middle + vec3(0, 0, out), kAcross, kUp);
     return sweep(path, circle({0.0f, 0.0f}, half, 8), kOut, true);
   };
   rose.add(m.stone, ring(radius + 0.10f, 0.12f, 0.0f));
@@ -242,14 +243,14 @@ Parts rose_window(const glm::vec2& centre, float radius, float depth, const Wind
   for (int i = 0; i < kSpokes; ++i) {
     const float angle = 2.0f * kPi * static_cast<float>(i) / kSpokes;
     const vec3 along(std::cos(angle), std::sin(angle), 0.0f), at = middle + vec3(0, 0, z);
-    rose.add(m.stone, tube({at + 0.28f * radius * along, at + (radius + 0.03f) * along}, 0.045f));
+    rose.add(m.stone, tube({at + 0.28f * radius * along, at + (radius + 0.03f) * along}, 0.045f, 6));
     // Between two spokes: a small arch that springs from both, near the rim.
     const float span = radius * 0.72f * std::sin(kPi / kSpokes);
     const vec3 aside(-along.y, along.x, 0.0f), turn = rotation(kOut, kPi / kSpokes) * along;
     const vec3 across = rotation(kOut, kPi / kSpokes) * aside;
-    rose.add(m.stone, tube(lift(arc({0.0f, 0.0f}, span, 0.0f, kPi, 10),
+    rose.add(m.stone, tube(lift(arc({0.0f, 0.0f}, span, 0.0f, kPi, 8),
                                 at + 0.72f * radius * std::cos(kPi / kSpokes) * turn, across, turn),
-                           0.04f));
+                           0.04f, 6));
   }
   return rose;
 }

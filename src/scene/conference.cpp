@@ -61,7 +61,7 @@ void add_ceiling(Scene& s, Parts& room, const Colours& c) {
       const glm::vec2 half(kTile - 0.03f, 0.5f * kTile - 0.03f);
       recesses.push_back(rectangle(middle - half, middle + half));
       const glm::vec2 lamp = half + 0.01f;
-      s.meshes.push_back(quad("panel", {middle.x - lamp.x, kHeight + 0.06f, middle.y - lamp.y},
+      s.meshes.push_back(quad("panel", {middle.x - lamp.x, kHeight + 0.004f, middle.y - lamp.y},
                               {2.0f * lamp.x, 0, 0}, {0, 0, 2.0f * lamp.y}, c.lamp));
     }
   const Polygon outline = rectangle({-kX - 0.05f, -kZ - 0.05f}, {kX + 0.05f, kZ + 0.05f});

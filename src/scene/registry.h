@@ -13,6 +13,7 @@ Scene white_furnace();
 Scene lit_floor();
 Scene conference();
 Scene sibenik();
+Scene office();
 
 struct SceneEntry {
   std::string_view name;
@@ -25,6 +26,7 @@ inline constexpr std::array kScenes{
     SceneEntry{"cornell_box", "Cornell box with the Stanford bunny and a Venus statue", false, cornell_box},
     SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false, conference},
     SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false, sibenik},
+    SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
                white_furnace},
     SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true,

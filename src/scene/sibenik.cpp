@@ -100,10 +100,10 @@ Parts right_side(const Stone& c) {
     const float x = kPitch * (static_cast<float>(i) - 0.5f * (kBays - 1));
     clerestory.push_back(arched_opening(x, 0.75f, 8.3f, 9.2f, 12));
     low.push_back(arched_opening(x, 0.85f, 2.5f, 4.3f, 12));
-    side.add(arched_window(x, 0.75f, 8.3f, 9.2f, 0.45f, 12, c.sky), facing);
-    side.add(arched_window(x, 0.85f, 2.5f, 4.3f, 0.55f, 12, c.sky), outer);
-    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 24), facing));
-    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 24), back));
+    side.add(arched_window(x, 0.75f, 8.3f, 9.2f, 0.32f, 12, c.sky), facing);
+    side.add(arched_window(x, 0.85f, 2.5f, 4.3f, 0.32f, 12, c.sky), outer);
+    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 20), facing));
+    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 20), back));
   }
   side.add(c.warm, moved(wall(arcade(kBays, kPitch, kArch, kArchSpringing - 0.03f, kArcadeTop, 0.3f, 24),
                               kArcade, clerestory),
@@ -170,7 +170,7 @@ void add_end_walls(Parts& church, const Stone& c) {
   church.add(c.warm, moved(wall(outline, kThick, openings), east));
   church.add(c.light, moved(archivolt({0.0f, kTriumphSpringing}, kTriumph, 0.42f, 0.0f, 48), east));
   church.add(rose_window({0.0f, oculus}, 0.62f, 0.4f, c.sky), east);
-  for (const float x : {-aisle, aisle}) church.add(arched_window(x, 0.9f, 2.3f, 4.2f, 0.5f, 24, c.sky), east);
+  for (const float x : {-aisle, aisle}) church.add(arched_window(x, 0.9f, 2.3f, 4.2f, 0.32f, 24, c.sky), east);
   for (const float x : {-kTriumph, kTriumph})
     church.add(colonnette(0.17f, kTriumphSpringing - 0.02f, c.light),
                turned(0.0f, {x * 1.02f, 0, -kLength + 0.03f}));
@@ -210,9 +210,9 @@ void add_apse(Parts& church, const Stone& c) {
     church.add(c.warm, moved(wall(outline, 0.6f,
                                   lit ? std::span<const Polygon>(opening) : std::span<const Polygon>()),
                              facing));
-    if (lit) church.add(arched_window(0.0f, 0.75f, 2.5f, 4.9f, 0.4f, 24, c.evening), facing);
+    if (lit) church.add(arched_window(0.0f, 0.75f, 2.5f, 4.9f, 0.3f, 24, c.evening), facing);
   }
-  church.add(c.warm, moved(half_dome(kApse, 0.3f, 0.15f, 20), turned(0.0f, {0, kTriumphSpringing, kApseZ})));
+  church.add(c.warm, moved(half_dome(kApse, 0.3f, 0.15f, 14), turned(0.0f, {0, kTriumphSpringing, kApseZ})));
   church.add(c.light, moved(cornice(foot, 0.28f), turned(0.0f, {0, kTriumphSpringing - 0.25f, 0})));
 }
 
