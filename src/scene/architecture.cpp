@@ -99,7 +99,7 @@ Parts column(float radius, float height, std::uint32_t stone) {
   whole.add(stone, revolve("column", vec3(0.0f), profile, 20, stone));
   for (int i = 0; i < 16; ++i) {
     const bool low = i < 8;
-    const Mesh leaf = low ? capital_leaf(0.78f * r, bell + 0.02f, 0.8f * r, 0.68f * r)
+    const Mesh leaf = low ? capital_leaf(0.78f * r, bell + 0.02f, 0.8f * r, 0.56f * r)
                           : capital_leaf(0.84f * r, bell + 0.5f * r, 0.95f * r, 0.55f * r);
     whole.add(stone,
               moved(leaf, turned((static_cast<float>(i) + (low ? 0.0f : 0.5f)) * 0.25f * kPi, vec3(0.0f))));

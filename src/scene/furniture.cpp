@@ -116,7 +116,7 @@ Parts bookcase(const vec3& size, int shelves, std::uint32_t wood, std::span<cons
     whole.add(wood, solid_box({x - 0.5f * kBoard, kGap, kGap}, {x + 0.5f * kBoard, size.y, size.z}));
   }
   const float in = w - kBoard + 0.004f;  // boards are let into the sides
-  whole.add(wood, solid_box({-in, plinth, 2.0f * kGap}, {in, size.y - 0.002f, 0.012f}));
+  whole.add(wood, solid_box({-in, plinth - 0.01f, 2.0f * kGap}, {in, size.y - 0.002f, 0.012f}));
   whole.add(wood, solid_box({-in, 2.0f * kGap, 0.02f}, {in, plinth + 0.002f, size.z - 0.03f}));
   Pcg32 random(20120501);
   const float pitch = (size.y - kBoard - plinth) / static_cast<float>(shelves);

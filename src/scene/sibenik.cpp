@@ -248,7 +248,7 @@ void add_sanctuary(Parts& church, const Stone& c) {
 // Up and down the nave on a narrow ellipse, turning once.
 Pose through_the_nave(float frame, float frames) {
   const float phase = 2.0f * kPi * frame / frames;
-  return turned(phase, {1.3f * std::sin(phase), 0.6f + kGap, -10.6f + 6.2f * std::cos(phase)});
+  return turned(phase, {1.3f * std::sin(phase), 0.6f + kGap, -11.6f + 5.6f * std::cos(phase)});
 }
 
 }  // namespace
