@@ -49,7 +49,14 @@ class Observer {
         height_(height),
         viewing_(viewing),
         per_degree_(pixels_per_degree(viewing)),
-        fourier_(fast_transform_size(width + 2 * kMargin), fast_transform_size(height + 2 * kMargin)) {}
+        fourier_(fast_transform_size(width + 2 * kMargin), fast_transform_size(height + 2 * kMargin)),
+        frequency_(fourier_.spectrum_size()),
+        angle_(fourier_.spectrum_size()) {
+    for_each_index(frequency_.size(), [&](std::size_t i) {
+      frequency_[i] = std::hypot(x_of(i), y_of(i));
+      angle_[i] = std::atan2(y_of(i), x_of(i));
+    });
+  }
 
   /// Probability exponents (hdrvdp_model.h), a value for each pixel of the image.
   std::vector<double> compare(const std::vector<double>& a, const std::vector<double>& b) const;
@@ -76,6 +83,7 @@ class Observer {
   Viewing viewing_;
   PixelsPerDegree per_degree_;
   Fourier fourier_;
+  std::vector<double> frequency_, angle_;  // of the spectrum's bins, in the pixels' grid: cycles per pixel
 };
 
 /// Continues the image by mirroring, half of the excess on each side.
@@ -165,29 +173,28 @@ void Observer::detect(const Pair<Spectrum>& response, int channel, std::vector<d
   const std::size_t pixels = fourier_.real_size(), bins = fourier_.spectrum_size();
 
   Spectrum spectrum(bins);
+  std::vector<double> gain(bins);
   const auto filter = [&](const Spectrum& in, RealPlane& out) {
-    for (std::size_t i = 0; i < bins; ++i) {
-      const double x = x_of(i), y = y_of(i), frequency = std::hypot(x, y);
-      const double gain =
-          is_base ? base_filter(frequency) : dom(band, frequency) * fan(orientation, std::atan2(y, x));
-      spectrum[i] = gain * in[i];
-    }
+    for (std::size_t i = 0; i < bins; ++i) spectrum[i] = gain[i] * in[i];
     fourier_.inverse(spectrum, out);
   };
+  for (std::size_t i = 0; i < bins; ++i) {
+    const double pass = is_base ? base_filter(frequency_[i]) : dom(band, frequency_[i]);
+    gain[i] = is_base || pass == 0.0 ? pass : pass * fan(orientation, angle_[i]);
+  }
   Pair<RealPlane> contrast(pixels), elevation(pixels);
   filter(response.a, contrast.a);
   filter(response.b, contrast.b);
 
   // Masking does not depend on the mask's phase: its peaks and zeros are smoothed away.
+  if (!is_base) {
+    for (std::size_t i = 0; i < bins; ++i) gain[i] = mesa(band, frequency_[i]);
+  }
   const auto elevate = [&](const RealPlane& mask, RealPlane& out) {
     for (std::size_t i = 0; i < pixels; ++i) out[i] = threshold_elevation(std::abs(mask[i]));
-    if (band == 0) return;
+    if (band == 0) return;  // which lets everything through
     fourier_.forward(out, spectrum);
-    for (std::size_t i = 0; i < bins; ++i) {
-      const double frequency = std::hypot(x_of(i), y_of(i));
-      spectrum[i] *= is_base ? base_filter(frequency) : mesa(band, frequency);
-    }
-    fourier_.inverse(spectrum, out);
+    filter(spectrum, out);
   };
   elevate(contrast.a, elevation.a);
   elevate(contrast.b, elevation.b);

@@ -46,12 +46,18 @@ double contrast_sensitivity(double frequency, double angle, const SensitivityCon
 }
 
 double peak_sensitivity(const SensitivityConditions& at) noexcept {
-  // Steps of 1 % in frequency: at the flat top that is exact to some 1e-5.
-  double peak = 0.0;
-  for (double frequency = 0.01; frequency < 100.0; frequency *= 1.01) {
-    peak = std::max(peak, contrast_sensitivity(frequency, 0.0, at));
+  // Over the logarithm of the frequency it rises to one peak and falls: search by thirds.
+  double low = std::log(1e-2), high = std::log(1e3);
+  const auto sensitivity = [&](double log) { return contrast_sensitivity(std::exp(log), 0.0, at); };
+  while (high - low > 1e-6) {
+    const double third = (high - low) / 3.0;
+    if (sensitivity(low + third) < sensitivity(high - third)) {
+      low += third;
+    } else {
+      high -= third;
+    }
   }
-  return peak;
+  return sensitivity(0.5 * (low + high));
 }
 
 double threshold_contrast(double luminance) noexcept {

@@ -30,8 +30,8 @@ struct SensitivityConditions {
   double distance;   ///< metres
 };
 
-/// Daly's contrast sensitivity, of peak about 250 x 0.45, for a frequency in cycles per degree at an angle in radians;
-/// 0 at frequency 0.
+/// Daly's contrast sensitivity for a frequency in cycles per degree at an angle in radians; 0 at frequency 0. For a
+/// large image at 0.5 m and 100 cd/m^2 it peaks with 237 at 3.2 cycles per degree.
 double contrast_sensitivity(double frequency, double angle, const SensitivityConditions& at) noexcept;
 
 /// Largest contrast sensitivity over all frequencies, at angle 0.

@@ -21,10 +21,10 @@ inline constexpr std::array kMetrics = {
            "below 1 is darker than the reference, 1 has no bias", "-"},
     Metric{"block_rmse", unseen<block_rmse>, true, nullptr,
            "smaller is closer, 0 is equal up to pixel noise; share of the mean", "this project"},
-    Metric{"flip", flip, true, paint_flip, "smaller is closer, 0 is equal, 1 is the most; mean of HDR-FLIP",
+    Metric{"flip", flip, true, paint_flip, "smaller is closer, 0 is equal, 1 is the most; seen when flipping",
            "Andersson et al. 2020, 2021"},
     Metric{"hdrvdp", hdrvdp, true, paint_hdrvdp,
-           "smaller is closer, 0 is equal; percent of pixels seen to differ with P > 75 %, > 95 %",
+           "0 is equal; percent of pixels seen with P > 75 % and > 95 %",
            "Mantiuk, Daly, Myszkowski, Seidel 2005"},
 };
 
