@@ -28,9 +28,7 @@ Image noise(int width, int height, std::uint64_t seed) {
   return image;
 }
 
-using PlainMetric = std::vector<MetricValue> (*)(const Image& reference, const Image& image, Image* map);
-
-double figure(PlainMetric metric, const Image& reference, const Image& image, Image* map = nullptr) {
+double figure(MetricFunction metric, const Image& reference, const Image& image, Image* map = nullptr) {
   const std::vector<MetricValue> values = metric(reference, image, map);
   EXPECT_EQ(values.size(), 1u);
   return values.at(0).value;
