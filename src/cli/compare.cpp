@@ -300,8 +300,8 @@ void add_compare(CLI::App& app) {
   const auto options = std::make_shared<CompareOptions>();
   std::string help = "Metrics, separated by commas:";
   for (const Metric& metric : kMetrics) help += fmt::format("\n{}\n  {}", metric.name, metric.closer);
-  CLI::App* command = app.add_subcommand(
-      "compare", "Error metrics of an image, or of the frames of an animation, against a reference");
+  CLI::App* command =
+      app.add_subcommand("compare", "Error metrics of an image or an animation against a reference");
   command
       ->add_option("A", options->reference,
                    "Reference: an image, .exr or .png,\nor a folder of frame_*.exr or frame_*.png")

@@ -270,10 +270,12 @@ std::vector<MetricValue> hdrvdp(const Image& reference, const Image& image, Imag
 
 Image paint_hdrvdp(const Image& map, const Image& reference) {
   const std::size_t pixels = reference.pixels.size();
-  const auto log_luminance = [&](std::size_t i) {
-    return std::log(std::max(luminance(reference.pixels[i]), 1e-30));
-  };
-  const double key = std::exp(parallel_sum(pixels, log_luminance) / static_cast<double>(pixels));
+  // The geometric mean of what is lit becomes a quarter of white, with a soft shoulder above.
+  const auto is_lit = [&](std::size_t i) { return luminance(reference.pixels[i]) > 0.0; };
+  const double lit = parallel_sum(pixels, [&](std::size_t i) { return is_lit(i) ? 1.0 : 0.0; });
+  const double logs = parallel_sum(
+      pixels, [&](std::size_t i) { return is_lit(i) ? std::log(luminance(reference.pixels[i])) : 0.0; });
+  const double key = lit > 0.0 ? std::exp(logs / lit) : 1.0;
   Image out = make_image(map.width, map.height);
   for_each_index(pixels, [&](std::size_t i) {
     const double light = std::max(luminance(reference.pixels[i]), 0.0);
