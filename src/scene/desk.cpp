@@ -21,8 +21,8 @@ constexpr Bounds kTop{{-0.95f, 0.715f, -1.93f}, {0.85f, 0.75f, -1.13f}};  // of 
 constexpr float kOnDesk = 0.75f + kStandingGap;
 
 struct Materials {
-  std::uint32_t white, floor, left, right, rug, wood, dark_wood, metal, plastic, cloth, paper, screen, window, glow,
-      lamp, brass, mug, leaf, clay, red, blue, green, ochre;
+  std::uint32_t white, floor, left, right, rug, wood, dark_wood, metal, plastic, cloth, paper, screen, window,
+      glow, lamp, brass, mug, leaf, clay, red, blue, green, ochre;
 };
 
 Materials add_materials(Scene& s) {
@@ -165,11 +165,11 @@ void add_book(Scene& s, const vec3& foot, const vec3& size, float angle, std::ui
   part = all;
   part.lower.y = size.y - kBoard;
   append(boards, box("board", part, cover));
-  part = {{all.lower.x, kBoard + 0.0002f, all.lower.z},
-          {all.lower.x + kBoard, size.y - kBoard - 0.0002f, all.upper.z}};
+  part = {{all.lower.x, kBoard + kStandingGap, all.lower.z},
+          {all.lower.x + kBoard, size.y - kBoard - kStandingGap, all.upper.z}};
   append(boards, box("spine", part, cover));
-  const Bounds pages{{all.lower.x + kBoard + 0.0002f, kBoard + 0.0002f, all.lower.z + 0.005f},
-                     {all.upper.x - 0.005f, size.y - kBoard - 0.0002f, all.upper.z - 0.005f}};
+  const Bounds pages{{all.lower.x + kBoard + kStandingGap, kBoard + kStandingGap, all.lower.z + 0.005f},
+                     {all.upper.x - 0.005f, size.y - kBoard - kStandingGap, all.upper.z - 0.005f}};
   Mesh leaves = box("pages", pages, paper);
   for (Mesh* mesh : {&boards, &leaves}) {
     place(*mesh, turned(angle, foot));
@@ -241,7 +241,7 @@ void add_wall(Scene& s, const Materials& m) {
     Mesh leaf = ball("leaf", vec3(0.0f), 1.0f, 2, m.leaf);
     const vec3 along = 0.045f * glm::normalize(out + vec3(0.0f, -0.4f, 0.0f));
     const vec3 across = 0.02f * glm::normalize(glm::cross(along, vec3(0, 1, 0)));
-    const vec3 thin = 0.003f * glm::normalize(glm::cross(across, along));
+    const vec3 thin = 0.003f * glm::normalize(glm::cross(along, across));
     place(leaf, Pose{{across, thin, along}, tip + 0.8f * along});
     append(plant, std::move(leaf));
   }
@@ -306,7 +306,8 @@ Scene desk() {
   const Materials m = add_materials(s);
   add_room(s, kRoom, {m.floor, m.white, m.left, m.right, m.white, m.white});
   add_ceiling_panel(s, kRoom.upper.y, {0.2f, 0.1f}, {1.2f, 0.6f}, m.white, m.lamp);
-  s.meshes.push_back(rounded_box("rug", {{-1.35f, kStandingGap, -0.95f}, {1.10f, 0.012f, 0.85f}}, 0.005f, 2, m.rug));
+  s.meshes.push_back(
+      rounded_box("rug", {{-1.35f, kStandingGap, -0.95f}, {1.10f, 0.012f, 0.85f}}, 0.005f, 2, m.rug));
   add_desk(s, m);
   add_monitor(s, m);
   add_keyboard_and_mouse(s, m);
@@ -316,7 +317,8 @@ Scene desk() {
   add_wall(s, m);
   add_basket(s, m);
   add_chair(s, m);
-  s.camera = {.eye = {1.45f, 1.75f, 1.75f}, .target = {-0.10f, 0.72f, -1.0f}, .up = {0, 1, 0}, .fov_y = 0.78f};
+  s.camera = {
+      .eye = {1.45f, 1.75f, 1.75f}, .target = {-0.10f, 0.72f, -1.0f}, .up = {0, 1, 0}, .fov_y = 0.78f};
   s.frames = kLoopFrames;
   return s;
 }
