@@ -94,7 +94,7 @@ class Wave {
         const float w = emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
         E += std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
       }
-      path.weight *= material.albedo / path.q;
+      path.weight *= shared_.albedo(hit) / path.q;
       path.q = survival(path.weight);
       if (!(path.q > 0.0f)) continue;
       LightProposal proposal;

@@ -26,7 +26,7 @@ void picture_tile(Tracer& tracer, const PictureJob& job, Light light, const Tile
         sum += rays.emitted(hit);
         if (!reflects(rays, hit)) continue;
         Pcg32 random(key.of_pixel(pixel, Purpose::path));
-        sum += std::numbers::inv_pi_v<float> * rays.material(hit).albedo *
+        sum += std::numbers::inv_pi_v<float> * rays.albedo(hit) *
                sample_irradiance(tracer, hit, light, random);
       }
       picture.pixels[pixel] = sum / static_cast<double>(job.spp);

@@ -34,7 +34,7 @@ Record gather_record(Tracer& tracer, const Hit& hit, const IrradianceCacheParams
 }
 
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept {
-  return rays.material(hit).albedo * std::numbers::inv_pi_v<float> * E;
+  return rays.albedo(hit) * std::numbers::inv_pi_v<float> * E;
 }
 
 }  // namespace icbench

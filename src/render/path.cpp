@@ -17,7 +17,7 @@ glm::vec3 reflected(Tracer& tracer, const Hit& x, Light light, std::uint32_t pix
     Pcg32 random(key.next_sample(s).of_pixel(pixel, purpose));
     sum += sample_irradiance(tracer, x, light, random);
   }
-  return tracer.shared().material(x).albedo * std::numbers::inv_pi_v<float> *
+  return tracer.shared().albedo(x) * std::numbers::inv_pi_v<float> *
          glm::vec3(sum / static_cast<double>(spp));
 }
 
@@ -46,7 +46,7 @@ Irradiance sample_irradiance(Tracer& tracer, const Hit& x, Light light, Pcg32& r
       E += std::numbers::pi_v<float> * emitter_weight(rays, next, d, p_b, q) / q * weight * material.emission;
     if (light == Light::direct) return E;
 
-    weight *= material.albedo / q;
+    weight *= rays.albedo(next) / q;
     q = survival(weight);
     if (!(q > 0.0f)) return E;
     at = next;

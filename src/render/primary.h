@@ -62,7 +62,7 @@ void for_each_pixel_coarse_to_fine(const Tile& tile, int width, F&& f) {
 
 /// Whether a hit reflects any light, so that irradiance matters there.
 inline bool reflects(const RayTracer& rays, const Hit& hit) noexcept {
-  return !hit.missed() && rays.material(hit).albedo != glm::vec3(0.0f);
+  return !hit.missed() && rays.albedo(hit) != glm::vec3(0.0f);
 }
 
 /// First hit of one pixel's ray.
