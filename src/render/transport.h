@@ -33,6 +33,7 @@ inline bool propose_point_light(const RayTracer& rays, const Hit& at, const Ligh
   const float along_n = glm::dot(d, at.n);
   if (!(along_n > 0.0f && glm::dot(d, at.ng) > 0.0f)) return false;
   const float distance = std::max(glm::length(d), rays.epsilon());
+  if (!std::isfinite(distance)) return false;  // farther than float reaches
   const float falloff = spot_falloff(*light.point, -glm::dot(d, light.n) / distance);
   if (!(falloff > 0.0f)) return false;
   const glm::vec3 from = rays.leave(at.p, at.ng);
