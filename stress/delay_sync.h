@@ -11,6 +11,7 @@
 
 #include "core/random.h"
 #include "core/sync.h"
+#include "stress/hooked_atomic.h"
 #include "stress/rebind.h"
 
 namespace icbench::stress {
@@ -41,53 +42,17 @@ class Delays {
   static constinit inline thread_local std::uint32_t threshold_ = 0;
 };
 
-/// `Base`'s interface, a delay before each step.
-template <class T, template <class> class Base>
-class DelayAtomic {
- public:
-  DelayAtomic() noexcept = default;
-  explicit(false) DelayAtomic(T value) noexcept : base_(value) {}
-
-  T load(std::memory_order order) const noexcept {
-    Delays::step();
-    return base_.load(order);
-  }
-  void store(T value, std::memory_order order) noexcept {
-    Delays::step();
-    base_.store(value, order);
-  }
-  T fetch_add(T n, std::memory_order order) noexcept {
-    Delays::step();
-    return base_.fetch_add(n, order);
-  }
-  T exchange(T value, std::memory_order order) noexcept {
-    Delays::step();
-    return base_.exchange(value, order);
-  }
-  bool compare_exchange_strong(T& expected, T desired, std::memory_order success,
-                               std::memory_order failure) noexcept {
-    Delays::step();
-    return base_.compare_exchange_strong(expected, desired, success, failure);
-  }
-
- private:
-  Base<T> base_{};
-};
-
-template <class T>
-using StdAtomic = std::atomic<T>;
-
 struct DelaySync : NoHooks {
   /// Between publication and writing, where the order of the two is wrong.
   static void writes(const void*, std::size_t) noexcept { Delays::step(); }
   template <class T>
-  using Atomic = DelayAtomic<T, StdAtomic>;
+  using Atomic = HookedAtomic<T, std::atomic<T>, Delays>;
   static constexpr bool kConcurrent = true;
 };
 
 struct DelayPlainSync : NoHooks {
   template <class T>
-  using Atomic = DelayAtomic<T, PlainAtomic>;
+  using Atomic = HookedAtomic<T, PlainAtomic<T>, Delays>;
   static constexpr bool kConcurrent = false;
 };
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cache_contract.h"
+#include "stress/hooked_atomic.h"
 #include "stress/rebind.h"
 
 namespace icbench {
@@ -32,37 +33,9 @@ class Interruption {
   static inline thread_local std::function<void()> work_;
 };
 
-template <class T>
-class InterruptibleAtomic {
- public:
-  InterruptibleAtomic() noexcept = default;
-  explicit(false) InterruptibleAtomic(T value) noexcept : base_(value) {}
-
-  T load(std::memory_order order) const noexcept {
-    Interruption::step();
-    return base_.load(order);
-  }
-  void store(T value, std::memory_order order) noexcept {
-    Interruption::step();
-    base_.store(value, order);
-  }
-  T fetch_add(T n, std::memory_order order) noexcept {
-    Interruption::step();
-    return base_.fetch_add(n, order);
-  }
-  bool compare_exchange_strong(T& expected, T desired, std::memory_order success,
-                               std::memory_order failure) noexcept {
-    Interruption::step();
-    return base_.compare_exchange_strong(expected, desired, success, failure);
-  }
-
- private:
-  std::atomic<T> base_{};
-};
-
 struct InterruptibleSync : NoHooks {
   template <class T>
-  using Atomic = InterruptibleAtomic<T>;
+  using Atomic = stress::HookedAtomic<T, std::atomic<T>, Interruption>;
   static constexpr bool kConcurrent = true;
 };
 

@@ -62,7 +62,7 @@ inline void for_tiles(const RayTracer& rays, int width, int height, TileOrder or
 }
 
 inline PrimaryHits primary_hits(const RayTracer& rays, int width, int height) {
-  PrimaryHits out(width, height);
+  PrimaryHits out(rays.scene(), width, height);
   const CameraView view(rays.scene().camera, width, height);
   for_tiles(rays, width, height, TileOrder::scanline, 1,
             [&](Tracer& t, const Tile& tile) { primary_tile(t, view, Lens::centre, {}, tile, out); });

@@ -46,6 +46,12 @@ struct Bounds {
   }
 };
 
+/// One of the eight corners, 0 <= which < 8: bit i of `which` chooses the upper side of axis i.
+inline glm::vec3 corner(const Bounds& b, int which) noexcept {
+  return {(which & 1) ? b.upper.x : b.lower.x, (which & 2) ? b.upper.y : b.lower.y,
+          (which & 4) ? b.upper.z : b.lower.z};
+}
+
 /// What became of a record that was offered.
 enum class InsertResult : std::uint8_t {
   inserted,  ///< stored: every later query under the cache's consistency condition sees it until clear

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <new>
 #include <stdexcept>
 #include <tuple>
@@ -20,7 +21,10 @@ namespace {
 constexpr std::array<std::pair<std::string_view, Placement>, 3> kPlacements{
     {{"compact", Placement::compact}, {"scatter", Placement::scatter}, {"none", Placement::none}}};
 
-using Handle = std::shared_ptr<hwloc_topology>;
+struct TopologyDeleter {
+  void operator()(hwloc_topology* t) const noexcept { hwloc_topology_destroy(t); }
+};
+using Handle = std::unique_ptr<hwloc_topology, TopologyDeleter>;
 
 struct BitmapDeleter {
   void operator()(hwloc_bitmap_s* b) const noexcept { hwloc_bitmap_free(b); }
@@ -36,7 +40,7 @@ Bitmap make_bitmap() {
 Handle make_handle() {
   hwloc_topology_t raw = nullptr;
   if (hwloc_topology_init(&raw) != 0) throw std::runtime_error("hwloc cannot be initialised: out of memory");
-  return Handle(raw, hwloc_topology_destroy);
+  return Handle(raw);
 }
 
 void load(const Handle& handle) {
@@ -118,16 +122,16 @@ Placement parse_placement(std::string_view text) {
   throw std::runtime_error(fmt::format("unknown placement '{}'; choose compact, scatter or none", text));
 }
 
-Topology::Topology(std::shared_ptr<hwloc_topology> handle) : handle_(std::move(handle)) {
-  read_units();
-  read_caches();
+Topology::Topology(hwloc_topology* topology) {
+  read_units(topology);
+  read_caches(topology);
   order_units();
 }
 
 Topology Topology::of_this_process() {
   Handle handle = make_handle();
   load(handle);
-  return Topology(std::move(handle));
+  return Topology(handle.get());
 }
 
 Topology Topology::synthetic(const std::string& description) {
@@ -137,11 +141,10 @@ Topology Topology::synthetic(const std::string& description) {
         "'{}' is not a topology in hwloc's synthetic notation; an example: package:2 core:12 pu:2",
         description));
   load(handle);
-  return Topology(std::move(handle));
+  return Topology(handle.get());
 }
 
-void Topology::read_units() {
-  hwloc_topology_t topology = handle_.get();
+void Topology::read_units(hwloc_topology* topology) {
   const Bitmap allowed = allowed_units(topology);
   Numbering packages, nodes, caches, cores;
   std::map<unsigned, unsigned> siblings;
@@ -185,8 +188,7 @@ void Topology::read_units() {
       cpu_model_ = model;
 }
 
-void Topology::read_caches() {
-  hwloc_topology_t topology = handle_.get();
+void Topology::read_caches(hwloc_topology* topology) {
   for (hwloc_obj_type_t type : {HWLOC_OBJ_L1CACHE, HWLOC_OBJ_L2CACHE, HWLOC_OBJ_L3CACHE, HWLOC_OBJ_L4CACHE}) {
     for (hwloc_obj_t o = nullptr; (o = hwloc_get_next_obj_by_type(topology, type, o));) {
       const DataCache cache{o->attr->cache.depth,

@@ -14,7 +14,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -74,8 +73,7 @@ class Topology {
  public:
   /// The machine, restricted to what this process may use. Throws std::runtime_error if it cannot be read.
   static Topology of_this_process();
-  /// An imagined machine in hwloc's synthetic notation ("package:2 core:12 pu:2"); no thread can be bound to
-  /// it.
+  /// An imagined machine in hwloc's synthetic notation ("package:2 core:12 pu:2"), to plan for.
   static Topology synthetic(const std::string& description);
 
   /// Allowed units in compact order; never empty.
@@ -96,12 +94,11 @@ class Topology {
   bool oversubscribed(unsigned n) const noexcept { return n > compact_.size(); }
 
  private:
-  explicit Topology(std::shared_ptr<hwloc_topology> handle);
-  void read_units();
-  void read_caches();
+  explicit Topology(hwloc_topology* topology);
+  void read_units(hwloc_topology* topology);
+  void read_caches(hwloc_topology* topology);
   void order_units();
 
-  std::shared_ptr<hwloc_topology> handle_;
   std::vector<ProcessingUnit> compact_;
   std::vector<unsigned> scatter_;  ///< os indices
   HardwareCounts allowed_{};

@@ -27,14 +27,17 @@ CacheUse& CacheUse::operator+=(const CacheUse& o) noexcept {
   return *this;
 }
 
-Record gather_record(Tracer& tracer, const Hit& hit, const IrradianceCacheParams& params, std::uint32_t pixel,
-                     std::uint32_t pixels) noexcept {
-  const GatherResult g = gather(tracer, hit, params.strata, params.key.of_pixel(pixel, Purpose::gather));
-  return {hit.p, hit.n, params.limits.clamp(g.R), g.E, params.key.sample * pixels + pixel};
+Record gather_record(Tracer& tracer, const Visible& x, const IrradianceCacheParams& params,
+                     const PrimaryHits& primary) noexcept {
+  const GatherResult g = gather(tracer, x.hit, params.strata, x.key(params.key, Purpose::gather));
+  const auto pixels = static_cast<std::uint32_t>(primary.hits.size());
+  const std::uint32_t layers = primary.is_plain() ? 1 : kMaxVisible;
+  const std::uint32_t id = (params.key.sample * layers + x.layer) * pixels + x.pixel;
+  return {x.hit.p, x.hit.n, params.limits.clamp(g.R), g.E, id};
 }
 
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept {
-  return rays.material(hit).albedo * std::numbers::inv_pi_v<float> * E;
+  return rays.albedo(hit) * std::numbers::inv_pi_v<float> * E;
 }
 
 }  // namespace icbench

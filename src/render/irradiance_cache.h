@@ -1,4 +1,4 @@
-// The cached integrator: for every stored primary hit ask the cache, on a miss gather and insert.
+// The cached integrator: for every stored primary hit, those seen in mirrors and through glass included, ask the cache, on a miss gather and insert.
 //
 // Templated on the cache's session so that dispatch happens once per pass, never per operation; all else is
 // compiled once, in irradiance_cache.cpp. Random numbers of a gather depend on seed, frame, sample and pixel;
@@ -37,10 +37,10 @@ struct CacheUse {
   CacheUse& operator+=(const CacheUse& o) noexcept;
 };
 
-/// Gathers the record of a pixel: radius clamped, id = sample * pixels of the image + pixel, modulo 2^32,
-/// unique within a frame.
-Record gather_record(Tracer& tracer, const Hit& hit, const IrradianceCacheParams& params, std::uint32_t pixel,
-                     std::uint32_t pixels) noexcept;
+/// Gathers the record of a hit of a pixel: radius clamped. Its id, modulo 2^32, is unique within a frame: pixel + pixels
+/// of the image * (layer + sample * L), where L is 1 in scenes without specular surfaces, else kMaxVisible.
+Record gather_record(Tracer& tracer, const Visible& x, const IrradianceCacheParams& params,
+                     const PrimaryHits& primary) noexcept;
 
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
@@ -51,23 +51,21 @@ template <class Session>
 void irradiance_cache_tile(Session& session, Tracer& tracer, const PrimaryHits& primary,
                            const IrradianceCacheParams& params, const Tile& tile, Image& indirect,
                            CacheUse& use) noexcept {
-  const auto pixels = static_cast<std::uint32_t>(primary.hits.size());
-  for_each_pixel_coarse_to_fine(tile, primary.width, [&](std::uint32_t pixel) {
-    const Hit& hit = primary.hits[pixel];
-    if (!reflects(tracer.shared(), hit)) {
-      indirect.pixels[pixel] = glm::vec3(0.0f);
+  for_each_visible_coarse_to_fine(tile, primary, [&](const Visible& x) {
+    if (!reflects(tracer.shared(), x.hit)) {
+      x.show(indirect, glm::vec3(0.0f));
       return;
     }
     ++use.queries;
-    std::optional<Irradiance> E = session.query(SurfacePoint{hit.p, hit.n});
+    std::optional<Irradiance> E = session.query(SurfacePoint{x.hit.p, x.hit.n});
     if (E) {
       ++use.hits;
     } else {
-      const Record record = gather_record(tracer, hit, params, pixel, pixels);
+      const Record record = gather_record(tracer, x, params, primary);
       use.count(session.insert(record));
       E = record.E;
     }
-    indirect.pixels[pixel] = reflected_radiance(tracer.shared(), hit, *E);
+    x.show(indirect, reflected_radiance(tracer.shared(), x.hit, *E));
   });
 }
 

@@ -10,35 +10,47 @@
 #include <utility>
 
 #include "render/embree.h"
+#include "scene/shapes.h"
 
 namespace icbench {
 
 struct RayTracer::Embree {
   RTCDevice device = nullptr;
-  RTCScene scene = nullptr;
+  RTCScene scene = nullptr;           // what rays are traced through
+  RTCScene still = nullptr;           // all meshes that do not move, if some do; else null
+  std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
+  std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
 
   Embree() : device(rtcNewDevice(nullptr)) {
     if (!device)
       throw std::runtime_error(
           fmt::format("Embree finds no device (error {})", static_cast<int>(rtcGetDeviceError(nullptr))));
-    scene = rtcNewScene(device);
-    rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
-    rtcSetSceneBuildQuality(scene, RTC_BUILD_QUALITY_HIGH);
+    scene = new_scene();
   }
   ~Embree() {
+    for (const RTCGeometry placing : placings)
+      if (placing) rtcReleaseGeometry(placing);
+    for (const RTCScene shape : shapes)
+      if (shape) rtcReleaseScene(shape);
+    if (still) rtcReleaseScene(still);
     rtcReleaseScene(scene);
     rtcReleaseDevice(device);
   }
   Embree(const Embree&) = delete;
   Embree& operator=(const Embree&) = delete;
-};
 
-// What a hit needs of a mesh, without the vectors' indirections.
-struct RayTracer::MeshView {
-  const glm::vec3* positions;
-  const glm::vec3* normals;  // null for flat shading
-  const glm::uvec3* triangles;
-  std::uint32_t material;
+  RTCScene new_scene() const {
+    const RTCScene made = rtcNewScene(device);
+    rtcSetSceneFlags(made, RTC_SCENE_FLAG_ROBUST);
+    rtcSetSceneBuildQuality(made, RTC_BUILD_QUALITY_HIGH);
+    return made;
+  }
+
+  void check(const Scene& described) const {
+    if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE)
+      throw std::runtime_error(fmt::format("Embree cannot build the BVH of scene '{}' (error {})",
+                                           described.name, static_cast<int>(error)));
+  }
 };
 
 namespace {
@@ -53,6 +65,25 @@ void copy_to_buffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format, 
   if (!to)
     throw std::runtime_error(fmt::format("Embree has no memory for {} vertices or triangles", from.size()));
   std::copy(from.begin(), from.end(), static_cast<T*>(to));
+}
+
+void set_pose(RTCGeometry instance, const Pose& pose) {
+  const float columns[12] = {pose.linear[0].x, pose.linear[0].y, pose.linear[0].z, pose.linear[1].x,
+                             pose.linear[1].y, pose.linear[1].z, pose.linear[2].x, pose.linear[2].y,
+                             pose.linear[2].z, pose.shift.x,     pose.shift.y,     pose.shift.z};
+  rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns);
+  rtcCommitGeometry(instance);
+}
+
+// Gives the mesh of a shape's scene other vertices, and commits both and the instance.
+void refit(RTCScene shape, RTCGeometry instance, std::uint32_t id, const std::vector<glm::vec3>& positions) {
+  const RTCGeometry geometry = rtcGetGeometry(shape, id);
+  std::copy(positions.begin(), positions.end(),
+            static_cast<glm::vec3*>(rtcGetGeometryBufferData(geometry, RTC_BUFFER_TYPE_VERTEX, 0)));
+  rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
+  rtcCommitGeometry(geometry);
+  rtcCommitScene(shape);
+  rtcCommitGeometry(instance);
 }
 
 void set_ray(RTCRay& to, const Ray& ray) noexcept {
@@ -88,6 +119,7 @@ void set_ray(RTCRay16& to, std::size_t i, const Ray& ray) noexcept {
 void set_missed(Hit& hit) noexcept {
   hit.t = kInfinity;
   hit.material = kMiss;
+  hit.mesh = kMiss;
   hit.front = false;
 }
 
@@ -96,47 +128,161 @@ void set_missed(Hit& hit) noexcept {
 RayTracer::RayTracer(Scene scene) : scene_(std::move(scene)) {
   prepare(scene_);
   epsilon_ = scene_epsilon(reach_of(scene_.bounds));
-  embree_ = std::make_unique<Embree>();
-  meshes_ = std::make_unique<MeshView[]>(scene_.meshes.size());
-  for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i) {
-    const Mesh& mesh = scene_.meshes[i];
-    meshes_[i] = {mesh.positions.data(), mesh.normals.empty() ? nullptr : mesh.normals.data(),
-                  mesh.triangles.data(), mesh.material};
-    if (mesh.triangles.empty()) continue;
-    const RTCGeometry geometry = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
-    copy_to_buffer(geometry, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, mesh.positions);
-    copy_to_buffer(geometry, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.triangles);
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometryByID(embree_->scene, geometry, i);
-    rtcReleaseGeometry(geometry);
+  if (scene_.camera_path) scene_.camera = scene_.camera_path(frame_);
+  const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
+  placed_.resize(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Mesh &mesh = scene_.meshes[i], &shape = scene_.shape(i);
+    meshes_.push_back({shape.positions.data(), shape.normals.empty() ? nullptr : shape.normals.data(),
+                       shape.uvs.empty() ? nullptr : shape.uvs.data(), shape.triangles.data(),
+                       mesh.pose ? &placed_[i] : nullptr, mesh.material});
+    if (!shape.positions.empty()) placed_[i].box = bounds_of(shape);
+    if (mesh.pose) place(i, mesh.pose(frame_));
   }
-  rtcCommitScene(embree_->scene);
-  if (const RTCError error = rtcGetDeviceError(embree_->device); error != RTC_ERROR_NONE)
-    throw std::runtime_error(fmt::format("Embree cannot build the BVH of scene '{}' (error {})", scene_.name,
-                                         static_cast<int>(error)));
+  build_scene();
 }
 
 RayTracer::~RayTracer() = default;
+
+void RayTracer::place(std::uint32_t mesh, const Pose& pose) {
+  placed_[mesh].pose = pose;
+  const glm::mat3& m =
+      pose.linear;  // cofactors: the inverse transposed, up to the determinant, which is positive
+  placed_[mesh].normals = {glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])};
+}
+
+// Attaches the triangles of a mesh to a scene, under the mesh's index.
+void RayTracer::attach_shape(std::uint32_t i) {
+  const Mesh& mesh = scene_.meshes[i];
+  if (mesh.triangles.empty()) return;
+  RTCScene to = embree_->still ? embree_->still : embree_->scene;
+  if (mesh.moves()) to = embree_->shapes[i] = embree_->new_scene();
+  const RTCGeometry geometry = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
+  if (mesh.deform) {
+    rtcSetSceneFlags(to, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_DYNAMIC);
+    rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_REFIT);
+  }
+  copy_to_buffer(geometry, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, mesh.positions);
+  copy_to_buffer(geometry, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.triangles);
+  rtcCommitGeometry(geometry);
+  rtcAttachGeometryByID(to, geometry, i);
+  rtcReleaseGeometry(geometry);
+  if (mesh.moves()) rtcCommitScene(to);
+}
+
+void RayTracer::build_scene() {
+  embree_ = std::make_unique<Embree>();
+  const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
+  embree_->shapes.resize(count);
+  embree_->placings.resize(count);
+  static_instance_ = scene_.moves() ? count : 0;
+  const bool any_still = std::any_of(scene_.meshes.begin(), scene_.meshes.end(),
+                                     [](const Mesh& m) { return !m.moves() && !m.triangles.empty(); });
+  if (scene_.moves() && any_still) embree_->still = embree_->new_scene();
+  for (std::uint32_t i = 0; i < count; ++i) attach_shape(i);
+
+  const auto instantiate = [&](RTCScene what, std::uint32_t id, const Pose& pose) {
+    const RTCGeometry instance = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(instance, what);
+    set_pose(instance, pose);
+    rtcAttachGeometryByID(embree_->scene, instance, id);
+    return instance;
+  };
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Mesh& mesh = scene_.meshes[i];
+    const RTCScene shape = embree_->shapes[mesh.instance_of == kOwnShape ? i : mesh.instance_of];
+    if (shape) embree_->placings[i] = instantiate(shape, i, placed_[i].pose);
+  }
+  if (embree_->still) {
+    rtcCommitScene(embree_->still);
+    rtcReleaseGeometry(instantiate(embree_->still, static_instance_, Pose{}));
+  }
+  rtcCommitScene(embree_->scene);
+  embree_->check(scene_);
+}
+
+SceneChange RayTracer::go_to(float frame) {
+  frame_ = std::fmod(frame, static_cast<float>(scene_.frames));
+  SceneChange change;
+  bool lamp_moved = false;
+  for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i) {
+    Mesh& mesh = scene_.meshes[i];
+    const PosedBox before{placed_[i].box, placed_[i].pose};
+    if (mesh.pose) {
+      const Pose pose = mesh.pose(frame_);
+      if (pose == before.pose) continue;
+      place(i, pose);
+      if (embree_->placings[i]) set_pose(embree_->placings[i], pose);
+    } else if (mesh.deform && !mesh.positions.empty()) {
+      const std::vector<glm::vec3> positions = mesh.positions, normals = mesh.normals;
+      mesh.deform(frame_, mesh.positions, mesh.normals);
+      if (positions == mesh.positions && normals == mesh.normals) continue;
+      placed_[i].box = bounds_of(mesh);
+      if (embree_->placings[i]) refit(embree_->shapes[i], embree_->placings[i], i, mesh.positions);
+    } else {
+      continue;
+    }
+    change.moved.push_back({i, before, {placed_[i].box, placed_[i].pose}});
+    lamp_moved |= scene_.materials[mesh.material].emits();
+  }
+  if (!change.moved.empty()) rtcCommitScene(embree_->scene);
+  embree_->check(scene_);
+
+  if (scene_.camera_path) {
+    const Camera camera = scene_.camera_path(frame_);
+    change.camera = camera != scene_.camera;
+    scene_.camera = camera;
+  }
+  if (scene_.change_light) {
+    const std::vector<Material> materials = scene_.materials;
+    const std::vector<PointLight> lights = scene_.point_lights;
+    scene_.change_light(frame_, scene_.materials, scene_.point_lights);
+    change.materials = scene_.materials != materials;
+    change.lights = scene_.point_lights != lights;
+    for (std::size_t i = 0; i < materials.size(); ++i)
+      change.lights |= materials[i].emission != scene_.materials[i].emission;
+  }
+  change.lights |= lamp_moved;
+  if (change.lights) scene_.lights = LightTable(scene_, frame_);
+  return change;
+}
 
 void RayTracer::fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v,
                      const glm::vec3& d, float t) const noexcept {
   const MeshView& m = meshes_[mesh];
   const glm::uvec3 i = m.triangles[triangle];
-  const glm::vec3 p0 = m.positions[i.x], e1 = m.positions[i.y] - p0, e2 = m.positions[i.z] - p0;
+  glm::vec3 p0 = m.positions[i.x], p1 = m.positions[i.y], p2 = m.positions[i.z];
+  if (m.placed) {
+    const Pose& pose = m.placed->pose;
+    p0 = pose(p0);
+    p1 = pose(p1);
+    p2 = pose(p2);
+  }
+  const glm::vec3 e1 = p1 - p0, e2 = p2 - p0;
   const glm::vec3 cross = glm::cross(e1, e2);
   const bool front = glm::dot(cross, d) < 0.0f;
-  const float scale = (front ? 1.0f : -1.0f) / std::sqrt(glm::dot(cross, cross));
+  // A deforming mesh may have triangles without area for a while; nothing sensible is asked of their normals.
+  const float scale =
+      (front ? 1.0f : -1.0f) / std::sqrt(std::max(glm::dot(cross, cross), std::numeric_limits<float>::min()));
   hit.p = p0 + u * e1 + v * e2;
   hit.ng = scale * cross;
   hit.n = hit.ng;
   if (m.normals) {
-    const glm::vec3 n = (1.0f - u - v) * m.normals[i.x] + u * m.normals[i.y] + v * m.normals[i.z];
-    const float squared = glm::dot(n, n);
+    glm::vec3 n = (1.0f - u - v) * m.normals[i.x] + u * m.normals[i.y] + v * m.normals[i.z];
+    float squared = glm::dot(n, n);
     // Opposite vertex normals may cancel; the geometric normal then has to do.
-    if (squared > 1e-6f) hit.n = (glm::dot(n, hit.ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared) * n;
+    if (squared > 1e-6f) {
+      if (m.placed) {
+        n = m.placed->normals * (n / std::sqrt(squared));
+        squared = glm::dot(n, n);
+      }
+      hit.n = (glm::dot(n, hit.ng) < 0.0f ? -1.0f : 1.0f) / std::sqrt(squared) * n;
+    }
   }
+  if (m.uvs) hit.uv = (1.0f - u - v) * m.uvs[i.x] + u * m.uvs[i.y] + v * m.uvs[i.z];
   hit.t = t;
   hit.material = m.material;
+  hit.mesh = mesh;
   hit.front = front;
 }
 
@@ -156,11 +302,13 @@ void RayTracer::intersect_singly(std::span<const Ray> rays, std::span<Hit> out) 
     RTCRayHit r;
     set_ray(r.ray, rays[i]);
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     embree::intersect1(embree_->scene, r, query);
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
       set_missed(out[i]);
     else
-      fill(out[i], r.hit.geomID, r.hit.primID, r.hit.u, r.hit.v, rays[i].d, r.ray.tfar);
+      fill(out[i], mesh_of(r.hit.instID[0], r.hit.geomID), r.hit.primID, r.hit.u, r.hit.v, rays[i].d,
+           r.ray.tfar);
   }
 }
 
@@ -172,14 +320,15 @@ void RayTracer::intersect_packet(std::span<const Ray> rays, std::span<Hit> out) 
     set_ray(packet.ray, i, rays[i]);
     valid[i] = -1;
     packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
   embree::intersect16(valid, embree_->scene, packet, query);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)
       set_missed(out[i]);
     else
-      fill(out[i], packet.hit.geomID[i], packet.hit.primID[i], packet.hit.u[i], packet.hit.v[i], rays[i].d,
-           packet.ray.tfar[i]);
+      fill(out[i], mesh_of(packet.hit.instID[0][i], packet.hit.geomID[i]), packet.hit.primID[i],
+           packet.hit.u[i], packet.hit.v[i], rays[i].d, packet.ray.tfar[i]);
   }
 }
 
@@ -218,6 +367,7 @@ std::uint64_t RayTracer::bare_trace(std::span<const TracedRay> rays) const noexc
       hits += r.ray.tfar < 0.0f;
     } else {
       r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
       embree::intersect1(embree_->scene, r, query);
       hits += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     }

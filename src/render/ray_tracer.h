@@ -11,9 +11,12 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/mat3x3.hpp>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "scene/scene.h"
 
@@ -41,6 +44,8 @@ struct Hit {
   glm::vec3 ng;                    ///< unit geometric normal, facing the ray
   float t;                         ///< distance in units of the ray's |d|
   std::uint32_t material = kMiss;  ///< index into the scene's materials
+  std::uint32_t mesh = kMiss;      ///< index into the scene's meshes
+  glm::vec2 uv{0.0f};              ///< texture coordinates; 0 where the mesh has none
   bool front = false;              ///< seen from the side that emits
 
   bool missed() const noexcept { return material == kMiss; }
@@ -59,7 +64,33 @@ struct RayCounts {
   }
 };
 
-/// A prepared scene and its BVH. Immutable, hence shared.
+/// A box in a mesh's own space, and how it stands in the world.
+struct PosedBox {
+  Bounds box;  ///< holds all vertices
+  Pose pose;
+};
+
+/// A mesh that moved or changed shape from one frame to another.
+struct MovedMesh {
+  std::uint32_t mesh;
+  PosedBox before, after;
+};
+
+/// What one call of RayTracer::go_to changed; exact: whatever is bitwise as it was is not in it.
+struct SceneChange {
+  std::vector<MovedMesh> moved;
+  bool camera = false;
+  bool materials = false;  ///< albedo or emission of any
+  bool lights = false;     ///< emission, place, shape or intensity of any light
+
+  bool any() const noexcept { return !moved.empty() || camera || materials || lights; }
+};
+
+/// A prepared scene and its BVH. Shared by all threads; changes only in go_to.
+///
+/// A scene in which nothing moves is one BVH. Otherwise what stands still has a BVH of its own, and so has every
+/// shape that moves; a small one over these is rebuilt for each frame (Wald et al. 2003). Rigid motion changes nothing
+/// but that; the BVH of a deforming mesh is refitted.
 class RayTracer {
  public:
   /// Prepares the scene and builds the BVH in parallel, in the caller's oneTBB arena. Throws
@@ -69,8 +100,23 @@ class RayTracer {
   RayTracer(const RayTracer&) = delete;
   RayTracer& operator=(const RayTracer&) = delete;
 
+  /// The scene as it is at the current frame: camera, materials, lights and the vertices of deforming meshes.
   const Scene& scene() const noexcept { return scene_; }
+  float frame() const noexcept { return frame_; }
+
+  /// Goes to a frame (>= 0, counted modulo the scene's) and tells what changed. Quiescent: no ray is under way.
+  /// Builds in parallel, in the caller's oneTBB arena.
+  SceneChange go_to(float frame);
+
+  /// How mesh i stands at the current frame.
+  const Pose& pose(std::uint32_t mesh) const noexcept { return placed_[mesh].pose; }
   const Material& material(const Hit& hit) const noexcept { return scene_.materials[hit.material]; }
+
+  /// Albedo where the hit is, texture included.
+  glm::vec3 albedo(const Hit& hit) const noexcept {
+    const Material& m = material(hit);
+    return m.texture == kNoTexture ? m.albedo : m.albedo * scene_.textures[m.texture](hit.uv);
+  }
   float epsilon() const noexcept { return epsilon_; }
 
   /// Where a ray that leaves the surface on the side of ng starts.
@@ -94,16 +140,42 @@ class RayTracer {
 
  private:
   struct Embree;
-  struct MeshView;
+
+  // How a mesh that moves stands.
+  struct Placed {
+    Bounds box{};  // of its vertices at rest, or of those of this frame if it deforms
+    Pose pose{};
+    glm::mat3 normals{1.0f};  // from object to world, up to length
+  };
+
+  // What a hit needs of a mesh, without the vectors' indirections.
+  struct MeshView {
+    const glm::vec3* positions;
+    const glm::vec3* normals;  // null for flat shading
+    const glm::vec2* uvs;      // null if there are none
+    const glm::uvec3* triangles;
+    const Placed* placed;  // null if it has no pose
+    std::uint32_t material;
+  };
 
   void intersect_singly(std::span<const Ray> rays, std::span<Hit> out) const noexcept;
   void intersect_packet(std::span<const Ray> rays, std::span<Hit> out) const noexcept;  // at most 16
+  void attach_shape(std::uint32_t mesh);
+  void build_scene();
+  void place(std::uint32_t mesh, const Pose& pose);
+  std::uint32_t mesh_of(std::uint32_t instance, std::uint32_t geometry) const noexcept {
+    return instance < static_instance_ ? instance : geometry;
+  }
   void fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v, const glm::vec3& d,
             float t) const noexcept;
 
   Scene scene_;
   float epsilon_ = 0.0f;
-  std::unique_ptr<MeshView[]> meshes_;
+  float frame_ = 0.0f;
+  std::uint32_t static_instance_ =
+      0;  // id of the instance of all that stands still: above those of the meshes
+  std::vector<Placed> placed_;
+  std::vector<MeshView> meshes_;
   std::unique_ptr<Embree> embree_;
 };
 

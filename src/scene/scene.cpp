@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <limits>
 #include <numbers>
 #include <stdexcept>
 
@@ -30,21 +32,70 @@ void check_material(const Scene& scene, std::size_t i) {
       fail(scene, fmt::format("material {} emits {} W/(m^2 sr); give each channel finite and >= 0", i,
                               m.emission[c]));
   }
+  if (m.is_specular() && m.emits())
+    fail(scene, fmt::format("material {} is specular and emits; give it one", i));
+  if (m.surface == Surface::dielectric && !(m.ior > 0.0f && m.ior <= 10.0f && m.ior != 1.0f))
+    fail(scene,
+         fmt::format("material {} has index of refraction {}; give one in (0, 10] that is not 1", i, m.ior));
+  if (m.texture != kNoTexture && m.texture >= scene.textures.size())
+    fail(scene, fmt::format("material {} names texture {} of {}", i, m.texture, scene.textures.size()));
+}
+
+void check_texture(const Scene& scene, const Texture& t) {
+  if (t.width <= 0 || t.height <= 0 ||
+      t.texels.size() != 3 * static_cast<std::size_t>(t.width) * static_cast<std::size_t>(t.height))
+    fail(scene, fmt::format("texture '{}' has {} bytes for {} x {} texels of 3", t.name, t.texels.size(),
+                            t.width, t.height));
+}
+
+void check_point_light(const Scene& scene, std::size_t i) {
+  const PointLight& l = scene.point_lights[i];
+  if (!is_finite(l.p)) fail(scene, fmt::format("point light {} stands nowhere finite", i));
+  if (!is_unit(l.axis))
+    fail(scene, fmt::format("the axis of point light {} has not length 1; normalise it", i));
+  for (int c = 0; c < 3; ++c)
+    if (!(l.intensity[c] >= 0.0f && std::isfinite(l.intensity[c])))
+      fail(scene, fmt::format("point light {} has intensity {} W/sr; give each channel finite and >= 0", i,
+                              l.intensity[c]));
+  if (!(l.cos_outer >= -1.0f && l.cos_outer <= l.cos_inner && l.cos_inner <= 1.0f))
+    fail(scene, fmt::format("point light {} needs -1 <= cos_outer <= cos_inner <= 1", i));
+}
+
+void check_vertices(const Scene& scene, const Mesh& mesh, std::span<const glm::vec3> positions,
+                    std::span<const glm::vec3> normals) {
+  for (std::size_t v = 0; v < positions.size(); ++v)
+    if (!is_finite(positions[v]))
+      fail(scene, fmt::format("vertex {} of mesh '{}' is not finite; repair the mesh", v, mesh.name));
+  for (std::size_t v = 0; v < normals.size(); ++v)
+    if (!is_unit(normals[v]))
+      fail(scene, fmt::format("normal {} of mesh '{}' has not length 1; normalise it", v, mesh.name));
+}
+
+void check_instance(const Scene& scene, const Mesh& mesh) {
+  if (mesh.instance_of >= scene.meshes.size() || scene.meshes[mesh.instance_of].instance_of != kOwnShape)
+    fail(scene, fmt::format("mesh '{}' is an instance of mesh {}, which has no shape of its own", mesh.name,
+                            mesh.instance_of));
+  if (!mesh.pose || !scene.meshes[mesh.instance_of].pose)
+    fail(scene, fmt::format("mesh '{}' and the one it is an instance of need a pose each", mesh.name));
+  if (!mesh.positions.empty() || !mesh.normals.empty() || !mesh.uvs.empty() || !mesh.triangles.empty())
+    fail(scene,
+         fmt::format("mesh '{}' is an instance and has vertices; give it one or the other", mesh.name));
 }
 
 void check_mesh(const Scene& scene, const Mesh& mesh) {
   if (mesh.material >= scene.materials.size())
     fail(scene,
          fmt::format("mesh '{}' names material {} of {}", mesh.name, mesh.material, scene.materials.size()));
+  if (mesh.pose && mesh.deform)
+    fail(scene, fmt::format("mesh '{}' moves rigidly and deforms; give it one of the two", mesh.name));
+  if (mesh.instance_of != kOwnShape) return check_instance(scene, mesh);
   if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
     fail(scene, fmt::format("mesh '{}' has {} normals for {} vertices; give one each or none", mesh.name,
                             mesh.normals.size(), mesh.positions.size()));
-  for (std::size_t v = 0; v < mesh.positions.size(); ++v)
-    if (!is_finite(mesh.positions[v]))
-      fail(scene, fmt::format("vertex {} of mesh '{}' is not finite; repair the mesh", v, mesh.name));
-  for (std::size_t v = 0; v < mesh.normals.size(); ++v)
-    if (!is_unit(mesh.normals[v]))
-      fail(scene, fmt::format("normal {} of mesh '{}' has not length 1; normalise it", v, mesh.name));
+  if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size())
+    fail(scene, fmt::format("mesh '{}' has {} texture coordinates for {} vertices; give one each or none",
+                            mesh.name, mesh.uvs.size(), mesh.positions.size()));
+  check_vertices(scene, mesh, mesh.positions, mesh.normals);
   const std::size_t count = mesh.positions.size();
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
     const glm::uvec3 i = mesh.triangles[t];
@@ -54,8 +105,7 @@ void check_mesh(const Scene& scene, const Mesh& mesh) {
   }
 }
 
-void check_camera(const Scene& scene) {
-  const Camera& c = scene.camera;
+void check_camera(const Scene& scene, const Camera& c) {
   if (!is_finite(c.eye) || !is_finite(c.target) || !is_finite(c.up)) fail(scene, "the camera is not finite");
   const glm::vec3 view = c.target - c.eye;
   if (!(glm::length(view) > 0.0f)) fail(scene, "the camera's eye and target coincide; move one of them");
@@ -65,14 +115,83 @@ void check_camera(const Scene& scene) {
     fail(scene, fmt::format("the camera's vertical angle is {} rad; give one in (0, pi)", c.fov_y));
 }
 
-bool is_degenerate(const Mesh& mesh, const glm::uvec3& t, double reach) {
+// Calls f(frame) for all frames if `animated`, else for the first.
+template <class F>
+void for_each_frame(const Scene& scene, bool animated, F&& f) {
+  for (std::uint32_t frame = 0; frame < (animated ? scene.frames : 1u); ++frame) f(static_cast<float>(frame));
+}
+
+constexpr float kFar = std::numeric_limits<float>::max();
+
+void extend(Bounds& bounds, const glm::vec3& p) {
+  bounds.lower = glm::min(bounds.lower, p);
+  bounds.upper = glm::max(bounds.upper, p);
+}
+
+Bounds used_bounds(const Mesh& mesh) {
+  Bounds bounds{glm::vec3(kFar), glm::vec3(-kFar)};
+  for (const glm::uvec3& t : mesh.triangles)
+    for (const std::uint32_t v : {t.x, t.y, t.z}) extend(bounds, mesh.positions[v]);
+  return bounds;
+}
+
+void check_pose(const Scene& scene, const Mesh& mesh, const Pose& pose, float frame) {
+  const bool finite = is_finite(pose.shift) && is_finite(pose.linear[0]) && is_finite(pose.linear[1]) &&
+                      is_finite(pose.linear[2]);
+  if (!finite || !(glm::determinant(pose.linear) > 0.0f))
+    fail(scene, fmt::format("mesh '{}' has a pose at frame {} that is not finite, flattens or mirrors it",
+                            mesh.name, frame));
+}
+
+// Extends `bounds` by where a mesh is in any frame.
+void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds) {
+  const Mesh& mesh = scene.meshes[i];
+  const Mesh& shape = scene.shape(i);
+  if (shape.triangles.empty()) return;
+  if (mesh.deform) {
+    Mesh moved = mesh;
+    for_each_frame(scene, true, [&](float frame) {
+      mesh.deform(frame, moved.positions, moved.normals);
+      check_vertices(scene, mesh, moved.positions, moved.normals);
+      const Bounds b = used_bounds(moved);
+      extend(bounds, b.lower);
+      extend(bounds, b.upper);
+    });
+    return;
+  }
+  const Bounds rest = used_bounds(shape);
+  if (!mesh.pose) {
+    extend(bounds, rest.lower);
+    extend(bounds, rest.upper);
+    return;
+  }
+  for_each_frame(scene, true, [&](float frame) {
+    const Pose pose = mesh.pose(frame);
+    check_pose(scene, mesh, pose, frame);
+    for (int c = 0; c < 8; ++c) extend(bounds, pose(corner(rest, c)));
+  });
+}
+
+// `linear` brings the mesh to the size at which `reach` counts.
+bool is_degenerate(const Mesh& mesh, const glm::uvec3& t, const glm::dmat3& linear, double reach) {
   const glm::dvec3 a(mesh.positions[t.x]), b(mesh.positions[t.y]), c(mesh.positions[t.z]);
-  const glm::dvec3 ab = b - a, ac = c - a, bc = c - b;
+  const glm::dvec3 ab = linear * (b - a), ac = linear * (c - a), bc = ac - ab;
   const double longest = std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)});
   return !(glm::length(glm::cross(ab, ac)) > std::max(kThinnest * longest, kSmallest * reach * reach));
 }
 
 }  // namespace
+
+bool Scene::moves() const noexcept {
+  return std::any_of(meshes.begin(), meshes.end(), [](const Mesh& m) { return m.moves(); });
+}
+
+bool Scene::is_animated() const noexcept { return moves() || camera_path || change_light; }
+
+bool Scene::has_specular() const noexcept {
+  return std::any_of(meshes.begin(), meshes.end(),
+                     [&](const Mesh& m) { return materials[m.material].is_specular(); });
+}
 
 float reach_of(const Bounds& bounds) noexcept {
   const glm::vec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
@@ -80,23 +199,34 @@ float reach_of(const Bounds& bounds) noexcept {
 }
 
 void prepare(Scene& scene) {
+  if (scene.frames == 0) fail(scene, "has no frame; give it at least 1");
   for (std::size_t i = 0; i < scene.materials.size(); ++i) check_material(scene, i);
+  for (const Texture& texture : scene.textures) check_texture(scene, texture);
+  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) check_point_light(scene, i);
   for (const Mesh& mesh : scene.meshes) check_mesh(scene, mesh);
-  check_camera(scene);
-
-  constexpr float kFar = std::numeric_limits<float>::max();
-  Bounds bounds{glm::vec3(kFar), glm::vec3(-kFar)};
-  bool any = false;
-  for (const Mesh& mesh : scene.meshes) {
-    for (const glm::uvec3& t : mesh.triangles) {
-      for (const std::uint32_t v : {t.x, t.y, t.z}) {
-        bounds.lower = glm::min(bounds.lower, mesh.positions[v]);
-        bounds.upper = glm::max(bounds.upper, mesh.positions[v]);
-      }
-      any = true;
-    }
+  for_each_frame(scene, static_cast<bool>(scene.camera_path), [&](float frame) {
+    check_camera(scene, scene.camera_path ? scene.camera_path(frame) : scene.camera);
+  });
+  if (scene.change_light) {
+    Scene changed;
+    changed.name = scene.name;
+    changed.materials = scene.materials;
+    changed.point_lights = scene.point_lights;
+    changed.textures = scene.textures;
+    for_each_frame(scene, true, [&](float frame) {
+      scene.change_light(frame, changed.materials, changed.point_lights);
+      for (std::size_t i = 0; i < changed.materials.size(); ++i) check_material(changed, i);
+      for (std::size_t i = 0; i < changed.point_lights.size(); ++i) check_point_light(changed, i);
+    });
+    scene.change_light(0.0f, scene.materials, scene.point_lights);
   }
-  if (!any) fail(scene, "has no surface; add a mesh with at least one triangle");
+
+  for (Mesh& mesh : scene.meshes)
+    if (mesh.deform) mesh.deform(0.0f, mesh.positions, mesh.normals);
+
+  Bounds bounds{glm::vec3(kFar), glm::vec3(-kFar)};
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) extend_by_mesh(scene, i, bounds);
+  if (bounds.lower.x > bounds.upper.x) fail(scene, "has no surface; add a mesh with at least one triangle");
   const float reach = reach_of(bounds);
   if (!(reach >= kMinReach && reach <= kMaxReach))
     fail(scene, fmt::format("reaches {} m from the origin; scale it to between {} and {} m", reach, kMinReach,
@@ -104,15 +234,18 @@ void prepare(Scene& scene) {
 
   std::size_t left = 0;
   for (Mesh& mesh : scene.meshes) {
-    scene.dropped_triangles +=
-        std::erase_if(mesh.triangles, [&](const glm::uvec3& t) { return is_degenerate(mesh, t, reach); });
+    if (!mesh.deform) {
+      const glm::dmat3 linear(mesh.pose ? mesh.pose(0.0f).linear : glm::mat3(1.0f));
+      scene.dropped_triangles += std::erase_if(
+          mesh.triangles, [&](const glm::uvec3& t) { return is_degenerate(mesh, t, linear, reach); });
+    }
     left += mesh.triangles.size();
   }
   if (left == 0) fail(scene, "has only degenerate triangles; check its coordinates");
 
   const glm::vec3 pad(scene_epsilon(reach));
   scene.bounds = {bounds.lower - pad, bounds.upper + pad};
-  scene.lights = LightTable(scene);
+  scene.lights = LightTable(scene, 0.0f);
 }
 
 }  // namespace icbench

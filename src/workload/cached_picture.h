@@ -38,7 +38,7 @@ PictureOutcome render_cached_picture(const PictureRequest& r) {
   std::vector<std::unique_ptr<Worker>> workers(threads);
   r.team.run([&](unsigned t) { workers[t] = std::make_unique<Worker>(cache.open_session(t), r.rays); });
 
-  PrimaryHits primary(r.width, r.height);
+  PrimaryHits primary(scene, r.width, r.height);
   Image direct = make_image(r.width, r.height), indirect = make_image(r.width, r.height);
   PictureOutcome out;
   out.picture = make_image(r.width, r.height);

@@ -33,7 +33,7 @@ struct alignas(kNoSharing) RayTracedWorker {
   };
 
   Session session;
-  std::span<Record> accepted;  // by id, which is the pixel; shared by all workers
+  std::span<Record> accepted;  // by id; shared by all workers
   TimedSession<Remembering> timed;
   Tracer tracer;
   CacheUse use;
@@ -48,7 +48,7 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   Cache cache(plan.config(threads));
   Image indirect = make_image(plan.primary().width, plan.primary().height);
 
-  std::vector<Record> accepted(pixels, Record{});  // R = 0 where there is none
+  std::vector<Record> accepted(plan.primary().layers() * pixels, Record{});  // R = 0 where there is none
   std::vector<std::unique_ptr<Worker>> workers(threads);
   setup.team.run([&](unsigned t) {
     auto session = cache.open_session(t);
@@ -82,7 +82,7 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   plan.judge(indirect, out);
   if constexpr (Cache::kTraits.consistency != Consistency::none) {
     const auto expected = [&](std::uint32_t id) -> const Record* {
-      return id < pixels && accepted[id].R > 0.0f ? &accepted[id] : nullptr;
+      return id < accepted.size() && accepted[id].R > 0.0f ? &accepted[id] : nullptr;
     };
     std::vector<SurfacePoint> points;
     for (const Hit& hit : plan.primary().hits) {

@@ -2,13 +2,16 @@
 // release to unlock. The scopes that the caches take them by are the shipping ones (caches/locks.h).
 #pragma once
 
+#include <type_traits>
+
 #include "caches/locks.h"
 #include "stress/explore/model_sync.h"
+#include "stress/foreign_locks.h"
 #include "stress/rebind.h"
 
 namespace icbench::stress::explore {
 
-/// Stands for std::mutex, std::shared_mutex and oneTBB's spin_rw_mutex. For use inside executions only.
+/// Stands for any mutex, std::mutex, std::shared_mutex and oneTBB's spin_rw_mutex among them. For use inside executions only.
 class ModelMutex {
  public:
   void lock() noexcept { step(Access::Kind::lock, std::memory_order_acquire); }
@@ -69,14 +72,6 @@ class ModelQueuingMutex {
   ModelMutex lock_;
 };
 
-/// A lock policy with another mutex, and the scopes that go with it.
-template <class Policy, class ModelledMutex, class ReadScope, class WriteScope>
-struct WithMutex : Policy {
-  using Mutex = ModelledMutex;
-  using Read = ReadScope;
-  using Write = WriteScope;
-};
-
 using Exclusive = ExclusiveScope<ModelMutex>;
 using Shared = SharedScope<ModelMutex>;
 using Queued = QueuedScope<ModelQueuingMutex>;
@@ -93,17 +88,9 @@ template <>
 struct Modelled<PlainSync> {
   using type = ModelPlainSync;
 };
-template <>
-struct Modelled<GlobalMutex> {
-  using type = WithMutex<GlobalMutex, ModelMutex, Exclusive, Exclusive>;
-};
-template <>
-struct Modelled<SharedMutex> {
-  using type = WithMutex<SharedMutex, ModelMutex, Shared, Exclusive>;
-};
-template <>
-struct Modelled<SpinRwMutex> {
-  using type = WithMutex<SpinRwMutex, ModelMutex, Shared, Exclusive>;
+template <ForeignLock T>
+struct Modelled<T> {
+  using type = WithMutex<T, ModelMutex, std::conditional_t<kReadersShare<T>, Shared, Exclusive>, Exclusive>;
 };
 template <>
 struct Modelled<QueuingMutex> {

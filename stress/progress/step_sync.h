@@ -11,54 +11,24 @@
 //   tbb::queuing_mutex   a ticket lock: in order of arrival, so one that stops in the queue stops all behind it
 //   std::shared_mutex    readers share; a writer that waits does not hold them up (glibc's default)
 //   tbb::spin_rw_mutex   readers share; a writer that waits keeps new ones out
+//   any other            the spin lock, or readers share if its policy reads by another scope than it writes
 #pragma once
 
 #include <atomic>
 #include <cstring>
+#include <type_traits>
 
 #include "caches/locks.h"
 #include "core/sync.h"
+#include "stress/foreign_locks.h"
+#include "stress/hooked_atomic.h"
 #include "stress/progress/stage.h"
 #include "stress/rebind.h"
 
 namespace icbench::stress {
 
 template <class T>
-class StepAtomic {
- public:
-  StepAtomic() noexcept = default;
-  explicit(false) StepAtomic(T value) noexcept : word_(value) {}
-
-  T load(std::memory_order order) const noexcept {
-    Stage::step();
-    return word_.load(order);
-  }
-  void store(T value, std::memory_order order) noexcept {
-    Stage::step();
-    word_.store(value, order);
-    Stage::wrote();
-  }
-  T fetch_add(T n, std::memory_order order) noexcept {
-    Stage::step();
-    Stage::wrote();
-    return word_.fetch_add(n, order);
-  }
-  T exchange(T value, std::memory_order order) noexcept {
-    Stage::step();
-    Stage::wrote();
-    return word_.exchange(value, order);
-  }
-  bool compare_exchange_strong(T& expected, T desired, std::memory_order success,
-                               std::memory_order failure) noexcept {
-    Stage::step();
-    const bool is_stored = word_.compare_exchange_strong(expected, desired, success, failure);
-    if (is_stored) Stage::wrote();
-    return is_stored;
-  }
-
- private:
-  std::atomic<T> word_{};
-};
+using StepAtomic = HookedAtomic<T, std::atomic<T>, Stage>;
 static_assert(sizeof(StepAtomic<std::uint32_t>) == 4 && sizeof(StepAtomic<std::uint64_t>) == 8,
               "counting must not change a structure's layout");
 
@@ -164,13 +134,6 @@ class StepRwLock {
   StepAtomic<std::uint32_t> word_{0};  // the bits above, and the number of readers
 };
 
-template <class Policy, class Lock, template <class> class ReadScope>
-struct StepPolicy : Policy {
-  using Mutex = Lock;
-  using Read = ReadScope<Lock>;
-  using Write = ExclusiveScope<Lock>;
-};
-
 template <class T>
 struct WithSteps {
   using type = T;
@@ -183,21 +146,22 @@ template <>
 struct WithSteps<PlainSync> {
   using type = StepPlainSync;
 };
-template <>
-struct WithSteps<GlobalMutex> {
-  using type = StepPolicy<GlobalMutex, SpinLock<StepSync>, ExclusiveScope>;
+template <ForeignLock T>
+struct WithSteps<T> {
+  using Lock = std::conditional_t<kReadersShare<T>, StepRwLock<false>, SpinLock<StepSync>>;
+  using type =
+      WithMutex<T, Lock, std::conditional_t<kReadersShare<T>, SharedScope<Lock>, ExclusiveScope<Lock>>,
+                ExclusiveScope<Lock>>;
 };
 template <>
 struct WithSteps<QueuingMutex> {
-  using type = StepPolicy<QueuingMutex, StepQueueLock, ExclusiveScope>;
-};
-template <>
-struct WithSteps<SharedMutex> {
-  using type = StepPolicy<SharedMutex, StepRwLock<false>, SharedScope>;
+  using Scope = ExclusiveScope<StepQueueLock>;
+  using type = WithMutex<QueuingMutex, StepQueueLock, Scope, Scope>;
 };
 template <>
 struct WithSteps<SpinRwMutex> {
-  using type = StepPolicy<SpinRwMutex, StepRwLock<true>, SharedScope>;
+  using Lock = StepRwLock<true>;
+  using type = WithMutex<SpinRwMutex, Lock, SharedScope<Lock>, ExclusiveScope<Lock>>;
 };
 
 /// `Cache` with its steps counted.
