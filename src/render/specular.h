@@ -13,7 +13,6 @@
 
 #include "core/random.h"
 #include "render/ray_tracer.h"
-#include "render/transport.h"
 
 namespace icbench {
 
@@ -67,8 +66,11 @@ inline Ray refracted_ray(const RayTracer& rays, const Hit& hit, const SpecularSp
   return {rays.leave(hit.p, -hit.ng), std::numeric_limits<float>::infinity(), split.refracted};
 }
 
-/// Specular bounces in a row that a path is sure to make; roulette may end it after that.
+/// Specular bounces in a row that a path is sure to make. After that roulette may end it, with a probability of going
+/// on that is the albedo, and kMaxSpecularSurvival at most, or light trapped among mirrors would never end. Close to 1:
+/// facets of glass hold light for long, and what then escapes must not weigh much more than the rest.
 inline constexpr std::uint32_t kSureBounces = 8;
+inline constexpr float kMaxSpecularSurvival = 0.99f;
 
 /// Sends a ray of unit direction d on from the specular hit it made: reflected with the probability that is the share
 /// reflected, refracted otherwise. `bounces` counts those in a row before this one. Multiplies `weight`, which is of
@@ -76,7 +78,8 @@ inline constexpr std::uint32_t kSureBounces = 8;
 inline bool scatter_specular(const RayTracer& rays, const Hit& hit, const glm::vec3& d, std::uint32_t bounces,
                              Pcg32& random, glm::vec3& weight, Ray& onward) noexcept {
   const SpecularSplit split = split_specular(rays.material(hit), hit, d);
-  weight *= rays.albedo(hit);
+  const glm::vec3 albedo = rays.albedo(hit);
+  weight *= albedo;
   if (split.reflectance == 1.0f || random.uniform() < split.reflectance) {
     onward = reflected_ray(rays, hit, split);
   } else {
@@ -84,7 +87,7 @@ inline bool scatter_specular(const RayTracer& rays, const Hit& hit, const glm::v
     weight *= split.through_factor;
   }
   if (bounces < kSureBounces) return weight != glm::vec3(0.0f);
-  const float q = survival(weight);
+  const float q = std::min(kMaxSpecularSurvival, std::max({albedo.x, albedo.y, albedo.z}));
   if (!(random.uniform() < q)) return false;
   weight /= q;
   return true;
