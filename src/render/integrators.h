@@ -25,6 +25,12 @@ std::unique_ptr<IndirectPass> make_path(const PassSetup& setup);
 /// Records by hemisphere gathers.
 std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& setup);
 
+/// Records gathered from virtual point lights, made anew in every frame (IC of Dubla 2012).
+std::unique_ptr<RecordSource> make_instant_caching(const PassSetup& setup);
+
+/// The same, kept over frames (TIC of Dubla 2012).
+std::unique_ptr<RecordSource> make_temporal_instant_caching(const PassSetup& setup);
+
 struct IntegratorEntry {
   std::string_view name;
   std::string_view description;
@@ -41,6 +47,10 @@ inline constexpr std::array kIntegrators{
                     nullptr, false},
     IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", nullptr,
                     make_irradiance_cache, false},
+    IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame", nullptr,
+                    make_instant_caching, true},
+    IntegratorEntry{"temporal_instant_caching", "the same, of which a change renews only what it touches", nullptr,
+                    make_temporal_instant_caching, true},
 };
 
 /// Throws std::runtime_error naming the known integrators if there is none of that name.

@@ -35,12 +35,15 @@ MovedBox::MovedBox(const PosedBox& posed, float epsilon) noexcept
       centre_(0.5f * (posed.box.lower + posed.box.upper)) {
   const glm::vec3 reach = glm::max(glm::abs(posed.box.lower), glm::abs(posed.box.upper));
   const float own = kPadShare * std::max({reach.x, reach.y, reach.z});
-  // What a step of epsilon in the world can amount to along an axis of the box, at most; twice, for both ends of a
-  // ray are set off their surfaces by one.
-  glm::vec3 step;
   for (int axis = 0; axis < 3; ++axis)
-    step[axis] = std::abs(inverse_[0][axis]) + std::abs(inverse_[1][axis]) + std::abs(inverse_[2][axis]);
-  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own + 2.0f * epsilon * step;
+    step_[axis] = std::abs(inverse_[0][axis]) + std::abs(inverse_[1][axis]) + std::abs(inverse_[2][axis]);
+  // Twice epsilon, for both ends of a ray are set off their surfaces by one.
+  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own + 2.0f * epsilon * step_;
+}
+
+bool MovedBox::near(const glm::vec3& p, float distance) const noexcept {
+  const glm::vec3 limit = half_ + distance * step_;
+  return std::abs(p.x) <= limit.x && std::abs(p.y) <= limit.y && std::abs(p.z) <= limit.z;
 }
 
 bool MovedBox::meets(const glm::vec3& a, const glm::vec3& b) const noexcept {
@@ -76,12 +79,17 @@ bool MovedBoxes::meet(const glm::vec3& a, const glm::vec3& b) const noexcept {
                      [&](const MovedBox& box) { return box.meets(box.to_box(a), box.to_box(b)); });
 }
 
-SegmentEnds::SegmentEnds(const MovedBoxes& boxes, std::span<const glm::vec3> world)
-    : boxes_(boxes.boxes()), count_(world.size()), points_(3 * world.size() * boxes.boxes().size()) {
+bool MovedBoxes::near(const glm::vec3& p, float distance) const noexcept {
+  return std::any_of(boxes_.begin(), boxes_.end(),
+                     [&](const MovedBox& box) { return box.near(box.to_box(p), distance); });
+}
+
+SegmentEnds::SegmentEnds(const MovedBoxes& boxes, const PointsView& world)
+    : boxes_(boxes.boxes()), count_(world.count), points_(3 * world.count * boxes.boxes().size()) {
   float* to = points_.data();
   for (const MovedBox& box : boxes_) {
     for (std::size_t i = 0; i < count_; ++i) {
-      const glm::vec3 p = box.to_box(world[i]);
+      const glm::vec3 p = box.to_box({world.x[i], world.y[i], world.z[i]});
       to[i] = p.x;
       to[count_ + i] = p.y;
       to[2 * count_ + i] = p.z;

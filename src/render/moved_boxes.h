@@ -34,6 +34,9 @@ class MovedBox {
   /// Whether the segment between two points of the box's space meets it.
   bool meets(const glm::vec3& a, const glm::vec3& b) const noexcept;
 
+  /// Whether it comes within `distance` (of the world) of a point of its space; conservative.
+  bool near(const glm::vec3& p, float distance) const noexcept;
+
   /// Sets bit i of `hits` (64 to a word, little end first) for each segment from `a` to ends[i], in the box's space,
   /// that meets it; leaves other bits as they are.
   void mark(const glm::vec3& a, const PointsView& ends, std::span<std::uint64_t> hits) const noexcept;
@@ -41,6 +44,7 @@ class MovedBox {
  private:
   glm::mat3 inverse_;
   glm::vec3 shift_, centre_, half_;
+  glm::vec3 step_;  // what a step of 1 in the world can amount to along each axis of the box, at most
 };
 
 /// The boxes of all that moved in one change, before and after.
@@ -50,6 +54,9 @@ class MovedBoxes {
   MovedBoxes(const SceneChange& change, float epsilon);
 
   bool empty() const noexcept { return boxes_.empty(); }
+
+  /// Whether any comes within `distance` (metres) of a point; conservative.
+  bool near(const glm::vec3& p, float distance) const noexcept;
 
   /// Whether a segment of the world meets any.
   bool meet(const glm::vec3& a, const glm::vec3& b) const noexcept;
@@ -64,7 +71,7 @@ class MovedBoxes {
 class SegmentEnds {
  public:
   SegmentEnds() = default;
-  SegmentEnds(const MovedBoxes& boxes, std::span<const glm::vec3> world);
+  SegmentEnds(const MovedBoxes& boxes, const PointsView& world);
 
   /// Sets bit i of `hits` for each segment from `from` to end i that meets any box.
   void mark(const glm::vec3& from, std::span<std::uint64_t> hits) const noexcept;

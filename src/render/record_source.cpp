@@ -29,6 +29,8 @@ void RecordSource::settle(unsigned, const Record&, InsertResult) noexcept {}
 
 UpdateResult RecordSource::update(Record&) noexcept { return UpdateResult::keep; }
 
+void RecordSource::refused(const Record&) {}
+
 void RecordSource::used(const Record&) noexcept {}
 
 void RecordSource::report(PassFigures&) const noexcept {}

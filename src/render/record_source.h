@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "core/types.h"
 #include "render/crew.h"
@@ -62,6 +63,11 @@ class RecordSource {
   /// After RecordsThen::update: makes the record what a new one would be, or drops it. Called for every copy of a
   /// record, in parallel, and answers the same for each.
   virtual UpdateResult update(Record& record) noexcept;
+
+  /// Records to be inserted after an update: those that update() dropped because their radius grew.
+  virtual std::span<const Record> to_insert() const noexcept { return {}; }
+  /// The cache did not take one of them. Quiescent.
+  virtual void refused(const Record& record);
 
   /// Whether a query has to tell the records it used, by `used`, in this frame.
   virtual bool wants_use() const noexcept { return false; }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/cache.h"
@@ -41,6 +42,7 @@ class CachedPass final : public IndirectPass {
         break;
       case RecordsThen::update:
         cache_.update_records([this](Record& r) noexcept { return source_->update(r); });
+        insert_again();
         break;
       case RecordsThen::go:
         cache_.clear();
@@ -76,6 +78,19 @@ class CachedPass final : public IndirectPass {
   }
 
  private:
+  void insert_again() {
+    const std::span<const Record> records = source_->to_insert();
+    if (records.empty()) return;
+    std::vector<InsertResult> results(records.size());
+    cache_.begin_frame();
+    crew_.for_each(records.size(), 64, [&](unsigned t, Tracer&, std::size_t i) {
+      results[i] = workers_[t]->session.insert(records[i]);
+    });
+    cache_.end_frame();
+    for (std::size_t i = 0; i < records.size(); ++i)
+      if (results[i] != InsertResult::inserted) source_->refused(records[i]);
+  }
+
   struct alignas(kNoSharing) Worker {
     Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed)
         : session(s, latency_every, seed) {}
