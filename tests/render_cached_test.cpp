@@ -59,7 +59,7 @@ CachedRun run_cached(const RayTracer& rays, const PrimaryHits& primary, ListSess
                      const Gathers& g) {
   CachedRun run{blank(primary.width, primary.height), {}, {}};
   Tracer tracer(rays);
-  HemisphereSource source(g.strata, g.limits, static_cast<std::uint32_t>(primary.hits.size()));
+  HemisphereSource source(g.strata, g.limits, RecordNames(rays.scene(), primary.width, primary.height));
   for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
     irradiance_cache_tile(session, source, 0, tracer, primary, g.key, tile, run.indirect, run.use);
   run.rays = tracer.counts;

@@ -64,7 +64,7 @@ inline void for_tiles(const RayTracer& rays, int width, int height, TileOrder or
 }
 
 inline PrimaryHits primary_hits(const RayTracer& rays, int width, int height) {
-  PrimaryHits out(width, height);
+  PrimaryHits out(rays.scene(), width, height);
   const CameraView view(rays.scene().camera, width, height);
   for_tiles(rays, width, height, TileOrder::scanline, 1,
             [&](Tracer& t, const Tile& tile) { primary_tile(t, view, Lens::centre, {}, tile, out); });
@@ -99,7 +99,7 @@ inline Image picture(const RayTracer& rays, const IntegratorEntry& integrator, i
   const auto pass = integrator.pass({rays, crew, size, size});
   const CameraView view(rays.scene().camera, size, size);
   const auto tiles = make_tiles(size, size, 8, order, 5);
-  PrimaryHits primary(size, size);
+  PrimaryHits primary(rays.scene(), size, size);
   Image direct = blank(size, size), indirect = blank(size, size), sum = make_image(size, size);
   const auto for_all = [&](const auto& f) {
     crew.for_each(tiles.size(), 1,

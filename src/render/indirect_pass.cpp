@@ -9,9 +9,7 @@ void visible_tile(Tracer& tracer, Light light_of_pass, const CameraView& view, L
     direct_tile(tracer, primary, 1, key, tile, direct);
     return;
   }
-  for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-    direct.pixels[pixel] = tracer.shared().emitted(primary.hits[pixel]);
-  });
+  for_each_visible(tile, primary, [&](const Visible& x) { x.show(direct, tracer.shared().emitted(x.hit)); });
 }
 
 }  // namespace icbench

@@ -4,7 +4,6 @@
 
 #include "core/random.h"
 #include "render/integrators.h"
-#include "render/irradiance_cache.h"
 
 namespace icbench {
 
@@ -31,7 +30,7 @@ InstantCachingSource::InstantCachingSource(const PassSetup& s)
     : vpls_(s.rays, {s.vpls, s.seed}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
-      pixels_(static_cast<std::uint32_t>(s.width) * static_cast<std::uint32_t>(s.height)) {}
+      names_(s.rays.scene(), s.width, s.height) {}
 
 RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
   VplUpdate update(vpls_);
@@ -39,14 +38,14 @@ RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
   return RecordsThen::go;
 }
 
-Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                                      std::uint32_t place) noexcept {
-  const Hit point = record_point(hit);
+Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Visible& x,
+                                      const SampleKey& key) noexcept {
+  const Hit point = record_point(x.hit);
   DistanceCodes distances;
   radius_.trace(tracer, point, RadiusRays::kAll, distances);
   const Irradiance E =
       gather_vpls(tracer, point, vpls_.vpls(), clamp_) + compensate_record(tracer, point, clamp_).E;
-  return {point.p, point.n, radius_.radius(distances), E, key.sample * pixels_ + place};
+  return {point.p, point.n, radius_.radius(distances), E, names_(x, key)};
 }
 
 void InstantCachingSource::report(PassFigures& figures) const noexcept {

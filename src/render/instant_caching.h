@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "render/indirect_pass.h"
+#include "render/irradiance_cache.h"
 #include "render/packed_normal.h"
 #include "render/radius_rays.h"
 #include "render/record_source.h"
@@ -38,22 +39,21 @@ inline Compensation compensate_record(Tracer& tracer, const Hit& point, float cl
 /// Traces paths of a set anew, by a crew.
 VplChange update_vpls(VplUpdate& update, Crew& crew);
 
-/// Static instant caching: in every frame VPLs are traced anew and records made anew. Ids are sample * pixels of the
-/// image + pixel, modulo 2^32.
+/// Static instant caching: in every frame VPLs are traced anew and records made anew. Ids are those of
+/// RecordNames.
 class InstantCachingSource final : public RecordSource {
  public:
   explicit InstantCachingSource(const PassSetup& setup);
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
-  Record evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                  std::uint32_t place) noexcept override;
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void report(PassFigures& figures) const noexcept override;
 
  private:
   VplSet vpls_;
   RadiusRays radius_;
   float clamp_;
-  std::uint32_t pixels_;
+  RecordNames names_;
 };
 
 }  // namespace icbench

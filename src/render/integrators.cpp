@@ -27,12 +27,13 @@ class PathPass final : public IndirectPass {
   void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
             Image& out) noexcept override {
     const RayTracer& rays = tracer.shared();
-    for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-      const Hit& hit = primary.hits[pixel];
-      out.pixels[pixel] = glm::vec3(0.0f);
-      if (!reflects(rays, hit)) return;
-      Pcg32 random(key.of_pixel(pixel, Purpose::path));
-      out.pixels[pixel] = reflected_radiance(rays, hit, sample_irradiance(tracer, hit, Light::all, random));
+    for_each_visible(tile, primary, [&](const Visible& x) {
+      glm::vec3 L(0.0f);
+      if (reflects(rays, x.hit)) {
+        Pcg32 random(x.key(key, Purpose::path));
+        L = reflected_radiance(rays, x.hit, sample_irradiance(tracer, x.hit, Light::all, random));
+      }
+      x.show(out, L);
     });
   }
 };
@@ -44,9 +45,9 @@ std::unique_ptr<IndirectPass> make_whitted(const PassSetup&) { return std::make_
 std::unique_ptr<IndirectPass> make_path(const PassSetup&) { return std::make_unique<PathPass>(); }
 
 std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& s) {
-  return std::make_unique<HemisphereSource>(
-      Strata::for_rays(s.gather_rays), radius_limits(s.rays.scene().bounds),
-      static_cast<std::uint32_t>(s.width) * static_cast<std::uint32_t>(s.height));
+  return std::make_unique<HemisphereSource>(Strata::for_rays(s.gather_rays),
+                                            radius_limits(s.rays.scene().bounds),
+                                            RecordNames(s.rays.scene(), s.width, s.height));
 }
 
 const IntegratorEntry& find_integrator(std::string_view name) {

@@ -47,10 +47,10 @@ inline constexpr std::array kIntegrators{
                     nullptr, false},
     IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", nullptr,
                     make_irradiance_cache, false},
-    IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame", nullptr,
-                    make_instant_caching, true},
-    IntegratorEntry{"temporal_instant_caching", "the same, of which a change renews only what it touches", nullptr,
-                    make_temporal_instant_caching, true},
+    IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame",
+                    nullptr, make_instant_caching, true},
+    IntegratorEntry{"temporal_instant_caching", "the same, of which a change renews only what it touches",
+                    nullptr, make_temporal_instant_caching, true},
 };
 
 /// Throws std::runtime_error naming the known integrators if there is none of that name.

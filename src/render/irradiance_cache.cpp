@@ -9,10 +9,9 @@ RecordsThen HemisphereSource::begin_frame(const SceneChange& change, Crew&) {
   return light_changed ? RecordsThen::go : RecordsThen::stay;
 }
 
-Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                                  std::uint32_t place) noexcept {
-  const GatherResult g = gather(tracer, hit, strata_, key.of_pixel(place, Purpose::gather));
-  return {hit.p, hit.n, limits_.clamp(g.R), g.E, key.sample * pixels_ + place};
+Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept {
+  const GatherResult g = gather(tracer, x.hit, strata_, x.key(key, Purpose::gather));
+  return {x.hit.p, x.hit.n, limits_.clamp(g.R), g.E, names_(x, key)};
 }
 
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept {

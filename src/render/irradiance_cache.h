@@ -1,5 +1,5 @@
-// The cached integrators' tile: for every stored primary hit ask the cache, on a miss have a record made and insert it;
-// and the classic source of records, hemisphere gathers.
+// The cached integrators' tile: for every stored primary hit, those seen in mirrors and through glass included, ask the
+// cache, on a miss have a record made and insert it; and the classic source of records, hemisphere gathers.
 //
 // Templated on the cache's session so that dispatch happens once per tile, never per operation; all else is compiled
 // once. Random numbers of a gather depend on seed, frame, sample and pixel; which pixels gather depends on what the
@@ -32,21 +32,35 @@ inline RadiusLimits radius_limits(const Bounds& bounds) noexcept {
   return RadiusLimits::for_scene(bounds, kMinRadiusOfDiagonal, kMaxRadiusOfDiagonal);
 }
 
-/// Records by hemisphere gathers. Their ids are sample * pixels of the image + pixel, modulo 2^32, unique within a
-/// frame. As a frame begins, records stay if nothing but the camera has changed, else all go.
+/// Ids of records that are named after the hit they were made at: pixel + pixels of the image * (layer + sample * L),
+/// where L is 1 in scenes without specular surfaces, else kMaxVisible. Modulo 2^32; unique within a frame below that.
+class RecordNames {
+ public:
+  RecordNames(const Scene& scene, int width, int height) noexcept
+      : pixels_(static_cast<std::uint32_t>(width) * static_cast<std::uint32_t>(height)),
+        layers_(scene.has_specular() ? kMaxVisible : 1) {}
+
+  std::uint32_t operator()(const Visible& x, const SampleKey& key) const noexcept {
+    return x.pixel + pixels_ * (x.layer + key.sample * layers_);
+  }
+
+ private:
+  std::uint32_t pixels_, layers_;
+};
+
+/// Records by hemisphere gathers. As a frame begins, they stay if nothing but the camera has changed, else all go.
 class HemisphereSource final : public RecordSource {
  public:
-  HemisphereSource(const Strata& strata, const RadiusLimits& limits, std::uint32_t pixels) noexcept
-      : strata_(strata), limits_(limits), pixels_(pixels) {}
+  HemisphereSource(const Strata& strata, const RadiusLimits& limits, const RecordNames& names) noexcept
+      : strata_(strata), limits_(limits), names_(names) {}
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
-  Record evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                  std::uint32_t place) noexcept override;
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
 
  private:
   Strata strata_;
   RadiusLimits limits_;
-  std::uint32_t pixels_;
+  RecordNames names_;
 };
 
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
@@ -71,25 +85,24 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
                            const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
                            Image& indirect, CacheUse& use) noexcept {
   const bool telling = source.wants_use();
-  for_each_pixel_coarse_to_fine(tile, primary.width, [&](std::uint32_t pixel) {
-    const Hit& hit = primary.hits[pixel];
-    if (!reflects(tracer.shared(), hit)) {
-      indirect.pixels[pixel] = glm::vec3(0.0f);
+  for_each_visible_coarse_to_fine(tile, primary, [&](const Visible& x) {
+    if (!reflects(tracer.shared(), x.hit)) {
+      x.show(indirect, glm::vec3(0.0f));
       return;
     }
     ++use.queries;
-    const SurfacePoint x{hit.p, hit.n};
-    std::optional<Irradiance> E = telling ? query_telling(session, source, x) : session.query(x);
+    const SurfacePoint at{x.hit.p, x.hit.n};
+    std::optional<Irradiance> E = telling ? query_telling(session, source, at) : session.query(at);
     if (E) {
       ++use.hits;
     } else {
-      const Record record = source.evaluate(thread, tracer, hit, key, pixel);
+      const Record record = source.evaluate(thread, tracer, x, key);
       const InsertResult result = session.insert(record);
       use.count(result);
       source.settle(thread, record, result);
       E = record.E;
     }
-    indirect.pixels[pixel] = reflected_radiance(tracer.shared(), hit, *E);
+    x.show(indirect, reflected_radiance(tracer.shared(), x.hit, *E));
   });
 }
 

@@ -51,15 +51,16 @@ bool MovedBox::meets(const glm::vec3& a, const glm::vec3& b) const noexcept {
   return !parted(c.x, c.y, c.z, d.x, d.y, d.z, half_);
 }
 
-void MovedBox::mark(const glm::vec3& a, const PointsView& ends, std::span<std::uint64_t> hits) const noexcept {
+void MovedBox::mark(const glm::vec3& a, const PointsView& ends,
+                    std::span<std::uint64_t> hits) const noexcept {
   const glm::vec3 h = half_;
   for (std::size_t first = 0; first < ends.count; first += 64) {
     const std::size_t count = std::min<std::size_t>(64, ends.count - first);
     std::uint8_t met[64];
     for (std::size_t i = 0; i < count; ++i) {
       const float x = ends.x[first + i], y = ends.y[first + i], z = ends.z[first + i];
-      met[i] = !parted(0.5f * (a.x + x), 0.5f * (a.y + y), 0.5f * (a.z + z), 0.5f * (x - a.x), 0.5f * (y - a.y),
-                       0.5f * (z - a.z), h);
+      met[i] = !parted(0.5f * (a.x + x), 0.5f * (a.y + y), 0.5f * (a.z + z), 0.5f * (x - a.x),
+                       0.5f * (y - a.y), 0.5f * (z - a.z), h);
     }
     std::uint64_t word = 0;
     for (std::size_t i = 0; i < count; ++i) word |= std::uint64_t{met[i]} << i;

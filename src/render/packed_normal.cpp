@@ -13,7 +13,8 @@ constexpr float kScale = 32767.0f;
 
 // Folds the lower half of the octahedron over the upper one, or back.
 glm::vec2 fold(const glm::vec2& v) noexcept {
-  return {(1.0f - std::abs(v.y)) * std::copysign(1.0f, v.x), (1.0f - std::abs(v.x)) * std::copysign(1.0f, v.y)};
+  return {(1.0f - std::abs(v.y)) * std::copysign(1.0f, v.x),
+          (1.0f - std::abs(v.x)) * std::copysign(1.0f, v.y)};
 }
 
 }  // namespace
@@ -23,7 +24,8 @@ PackedNormal PackedNormal::pack(const glm::vec3& n) noexcept {
   glm::vec2 v(flat.x, flat.y);
   if (flat.z < 0.0f) v = fold(v);
   const auto coordinate = [](float x) {
-    return static_cast<std::uint16_t>(static_cast<std::int16_t>(std::lround(kScale * glm::clamp(x, -1.0f, 1.0f))));
+    return static_cast<std::uint16_t>(
+        static_cast<std::int16_t>(std::lround(kScale * glm::clamp(x, -1.0f, 1.0f))));
   };
   return {static_cast<std::uint32_t>(coordinate(v.x)) << 16 | coordinate(v.y)};
 }

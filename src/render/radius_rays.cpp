@@ -64,7 +64,8 @@ float RadiusRays::radius(const DistanceCodes& codes) const noexcept {
     sum += inverse_[code];
     traced += code != kNotTraced;
   }
-  return limits_.clamp(sum > 0.0f ? static_cast<float>(traced) / sum : std::numeric_limits<float>::infinity());
+  return limits_.clamp(sum > 0.0f ? static_cast<float>(traced) / sum
+                                  : std::numeric_limits<float>::infinity());
 }
 
 }  // namespace icbench

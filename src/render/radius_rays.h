@@ -45,8 +45,8 @@ class RadiusRays {
   static constexpr std::uint8_t kFar = kSteps, kNotTraced = 255;  // codes
 
   RadiusLimits limits_;
-  std::array<float, kSteps + 1> edges_;    // code i lies in (edges_[i - 1], edges_[i]]; metres
-  std::array<float, 256> inverse_;  // of the distance a code stands for, 1/metres
+  std::array<float, kSteps + 1> edges_;  // code i lies in (edges_[i - 1], edges_[i]]; metres
+  std::array<float, 256> inverse_;       // of the distance a code stands for, 1/metres
 };
 
 }  // namespace icbench

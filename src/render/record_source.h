@@ -9,6 +9,7 @@
 
 #include "core/types.h"
 #include "render/crew.h"
+#include "render/primary.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"
 
@@ -52,10 +53,9 @@ class RecordSource {
   /// Quiescent, once before each frame's samples; `change` is what RayTracer::go_to altered since the last call.
   virtual RecordsThen begin_frame(const SceneChange& change, Crew& crew) = 0;
 
-  /// The record at a hit that reflects. `place` is the pixel, and with `key` names the random numbers. Called by
-  /// many threads at once.
-  virtual Record evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                          std::uint32_t place) noexcept = 0;
+  /// The record at a hit that reflects. Called by many threads at once.
+  virtual Record evaluate(unsigned thread, Tracer& tracer, const Visible& x,
+                          const SampleKey& key) noexcept = 0;
 
   /// What the cache did with the record that this thread evaluated last.
   virtual void settle(unsigned thread, const Record& record, InsertResult result) noexcept;

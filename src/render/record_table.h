@@ -23,14 +23,18 @@ namespace icbench {
 
 /// A record as it is kept, but for its visibilities and its radius, which follows from `distances`.
 struct KeptRecord {
-  enum State : std::uint8_t { free, unused, live };  ///< live: in the cache; unused: no pixel asked for it lately
+  enum State : std::uint8_t {
+    free,
+    unused,
+    live
+  };  ///< live: in the cache; unused: no pixel asked for it lately
 
-  glm::vec3 p{0.0f};        ///< metres
-  PackedNormal n, ng;       ///< shading and geometric normal
-  std::uint16_t mesh = 0;   ///< that it lies on; kManyMeshes for that one and all beyond
+  glm::vec3 p{0.0f};       ///< metres
+  PackedNormal n, ng;      ///< shading and geometric normal
+  std::uint16_t mesh = 0;  ///< that it lies on; kManyMeshes for that one and all beyond
   std::uint8_t state = free;
   bool compensated = false;  ///< surfaces lie so near that light was taken by the clamp and added back
-  Irradiance E{0.0f};       ///< W/m^2
+  Irradiance E{0.0f};        ///< W/m^2
   DistanceCodes distances{};
 };
 static_assert(sizeof(KeptRecord) <= 64, "64 bytes a record is what may be kept beside the cache");

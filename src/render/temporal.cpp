@@ -201,8 +201,8 @@ void TemporalSource::refused(const Record& record) {
   ++figures_.records_dropped;
 }
 
-Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey&,
-                                std::uint32_t) noexcept {
+Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
+                                const SampleKey&) noexcept {
   Worker& w = workers_[thread];
   const std::uint32_t id = table_.draft(thread);
   const bool has_room = id != RecordTable::kNone;  // else the record will do for this frame
@@ -210,10 +210,10 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Hit& hit,
   KeptRecord& r = has_room ? table_[id] : w.homeless_record;
   const std::span<std::uint64_t> visible = has_room ? table_.visible(id) : w.before;
 
-  r.p = hit.p;
-  r.n = PackedNormal::pack(hit.n);
-  r.ng = PackedNormal::pack(hit.ng);
-  r.mesh = mesh_of(hit.mesh);
+  r.p = x.hit.p;
+  r.n = PackedNormal::pack(x.hit.n);
+  r.ng = PackedNormal::pack(x.hit.ng);
+  r.mesh = mesh_of(x.hit.mesh);
   const Hit point = record_point(r.p, r.n, r.ng);
   radius_.trace(tracer, point, RadiusRays::kAll, r.distances);
   trace_visibility(tracer, point, vpls_.vpls(), visible);

@@ -48,8 +48,7 @@ class TemporalSource final : public RecordSource {
   std::span<const Record> to_insert() const noexcept override { return to_insert_; }
   void refused(const Record& record) override;
 
-  Record evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                  std::uint32_t place) noexcept override;
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
   bool wants_use() const noexcept override { return sweeping_; }
   void used(const Record& record) noexcept override;
@@ -79,7 +78,7 @@ class TemporalSource final : public RecordSource {
     SegmentEnds ends;                        // the VPLs, for segments to them
     std::vector<std::uint8_t> moved_meshes;  // by KeptRecord::mesh
     std::vector<std::uint64_t> moved_vpls;   // a bit for each
-    bool light_changed = false;  // any VPL, or what may reach compensation rays
+    bool light_changed = false;              // any VPL, or what may reach compensation rays
     bool unused_goes = false;
   };
 
@@ -87,7 +86,8 @@ class TemporalSource final : public RecordSource {
   void begin_sweep_if_due() noexcept;
   Verdict reconsider(Tracer& tracer, Worker& w, const Change& change, std::uint32_t id) noexcept;
   bool see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
-  std::uint32_t cut_distances(const Change& change, const Hit& point, const DistanceCodes& distances) const noexcept;
+  std::uint32_t cut_distances(const Change& change, const Hit& point,
+                              const DistanceCodes& distances) const noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
 
   const RayTracer& rays_;

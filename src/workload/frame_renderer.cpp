@@ -47,7 +47,7 @@ FrameRenderer::FrameRenderer(const FrameRequest& request)
       crew_(request.team, request.rays),
       tiles_(make_tiles(request.width, request.height, kFrameTile, request.tiles, request.seed)),
       pass_(make_pass(request_, crew_)),
-      primary_(request.width, request.height),
+      primary_(request.rays.scene(), request.width, request.height),
       direct_(make_image(request.width, request.height)),
       indirect_(direct_),
       picture_(direct_) {}

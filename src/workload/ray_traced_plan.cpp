@@ -31,7 +31,7 @@ double figure(MetricFunction metric, const Image& reference, const Image& image)
 }  // namespace
 
 PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
-  PrimaryHits primary(width, height);
+  PrimaryHits primary(rays.scene(), width, height);
   const CameraView view(rays.scene().camera, width, height);
   for_all_tiles(rays, width, height, [&](const Tile& tile, Tracer& tracer) {
     primary_tile(tracer, view, Lens::centre, {}, tile, primary);
@@ -71,7 +71,7 @@ RayTracedPlan::RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, co
 std::unique_ptr<RecordSource> RayTracedPlan::source() const {
   return std::make_unique<HemisphereSource>(Strata::for_rays(spec_.rays),
                                             radius_limits(rays_->scene().bounds),
-                                            static_cast<std::uint32_t>(primary_->hits.size()));
+                                            RecordNames(rays_->scene(), primary_->width, primary_->height));
 }
 
 CacheConfig RayTracedPlan::config(unsigned threads) const {
@@ -80,7 +80,7 @@ CacheConfig RayTracedPlan::config(unsigned threads) const {
   config.a_max = spec_.a;
   config.a = spec_.a;
   config.max_sessions = threads;
-  config.capacity = capacity_for(primary_->hits.size(), threads);  // at worst every pixel is a record
+  config.capacity = capacity_for(primary_->count(), threads);  // at worst every hit is a record
   return config;
 }
 
@@ -120,7 +120,7 @@ TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) 
   out.wall_ns = static_cast<double>(times.wall_ns());
   out.cpu_ns = static_cast<double>(times.cpu_ns());
   for (const auto& tracer : tracers) out.rays += tracer->counts;
-  out.operations = primary.hits.size() * plan.spec().spp;
+  out.operations = primary.count() * plan.spec().spp;
   plan.judge(indirect, out);
   return out;
 }

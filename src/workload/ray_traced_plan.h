@@ -42,7 +42,7 @@ class RayTracedPlan {
   const Reference& reference() const noexcept { return *reference_; }
   const std::vector<Tile>& tiles() const noexcept { return tiles_; }
 
-  /// Records by hemisphere gathers; their id is the pixel.
+  /// Records by hemisphere gathers; named after their hits.
   std::unique_ptr<RecordSource> source() const;
   CacheConfig config(unsigned threads) const;
   std::uint64_t records_of_one_thread(std::uint64_t seed) const;

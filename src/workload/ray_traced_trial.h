@@ -24,9 +24,8 @@ class RememberingSource final : public RecordSource {
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override {
     return source_->begin_frame(change, crew);
   }
-  Record evaluate(unsigned thread, Tracer& tracer, const Hit& hit, const SampleKey& key,
-                  std::uint32_t place) noexcept override {
-    return source_->evaluate(thread, tracer, hit, key, place);
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
+    return source_->evaluate(thread, tracer, x, key);
   }
   void settle(unsigned thread, const Record& r, InsertResult result) noexcept override {
     if (result == InsertResult::inserted) accepted_[r.id] = r;  // ids are unique, so nobody else writes here
@@ -43,7 +42,7 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   using Cache = typename CachedPass<CacheTemplate>::Cache;
   const std::size_t pixels = plan.primary().hits.size();
   TeamCrew crew(setup.team, plan.rays());
-  std::vector<Record> accepted(pixels, Record{});  // R = 0 where there is none
+  std::vector<Record> accepted(plan.primary().layers() * pixels, Record{});  // R = 0 where there is none
   CachedPassSetup cached{plan.config(crew.size())};
   cached.prefault = static_cast<std::uint32_t>(pixels / 8 / crew.size() + 1);
   cached.latency_every = setup.latency_every;
@@ -72,7 +71,7 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   plan.judge(indirect, out);
   if constexpr (Cache::kTraits.consistency != Consistency::none) {
     const auto expected = [&](std::uint32_t id) -> const Record* {
-      return id < pixels && accepted[id].R > 0.0f ? &accepted[id] : nullptr;
+      return id < accepted.size() && accepted[id].R > 0.0f ? &accepted[id] : nullptr;
     };
     std::vector<SurfacePoint> points;
     for (const Hit& hit : plan.primary().hits) {
