@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "image/image.h"
 #include "render/crew.h"
@@ -49,6 +50,9 @@ class IndirectPass {
 
   /// Quiescent: finishes what the tiles of a sample began.
   virtual void end_sample(const PrimaryHits&, Image& /*out*/) {}
+
+  /// Calls f for every record it keeps. Quiescent.
+  virtual void for_each_record(const std::function<void(const Record&)>& /*f*/) const {}
 
   /// Of the frame that was begun last.
   virtual PassFigures figures() const { return {}; }

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <utility>
 
+#include "core/cache.h"
 #include "render/integrators.h"
 #include "render/irradiance_cache.h"
 

@@ -1,6 +1,7 @@
 // The pass through a cache, for any source of records. Instantiated once per cache, in a translation unit of its own.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -59,6 +60,8 @@ class CachedPass final : public IndirectPass {
   }
 
   void end_sample(const PrimaryHits&, Image&) override { cache_.end_frame(); }
+
+  void for_each_record(const std::function<void(const Record&)>& f) const override { cache_.for_each_record(f); }
 
   PassFigures figures() const override {
     PassFigures out;
