@@ -63,6 +63,9 @@ struct RayCounts {
     occlusion += o.occlusion;
     return *this;
   }
+  friend RayCounts operator-(const RayCounts& a, const RayCounts& b) noexcept {
+    return {a.closest - b.closest, a.occlusion - b.occlusion};
+  }
 };
 
 /// A box in a mesh's own space, and how it stands in the world.
