@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "core/random.h"
+#include "render/instant_gi.h"
 #include "render/integrators.h"
 
 namespace icbench {
@@ -20,12 +21,6 @@ std::uint64_t compensation_key(const glm::vec3& p) noexcept {
                    std::bit_cast<std::uint32_t>(p.z));
 }
 
-VplChange update_vpls(VplUpdate& update, Crew& crew) {
-  crew.for_each(update.chunks(), 1,
-                [&](unsigned, Tracer& tracer, std::size_t chunk) { update.trace(tracer, chunk); });
-  return update.commit();
-}
-
 InstantCachingSource::InstantCachingSource(const PassSetup& s)
     : vpls_(s.rays, {s.vpls, s.seed}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
@@ -33,8 +28,7 @@ InstantCachingSource::InstantCachingSource(const PassSetup& s)
       names_(s.rays.scene(), s.width, s.height) {}
 
 RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
-  VplUpdate update(vpls_);
-  update_vpls(update, crew);
+  retrace_all(vpls_, crew);
   return RecordsThen::go;
 }
 

@@ -22,6 +22,12 @@ std::unique_ptr<IndirectPass> make_whitted(const PassSetup& setup);
 /// All light by path tracing: the reference.
 std::unique_ptr<IndirectPass> make_path(const PassSetup& setup);
 
+/// Virtual point lights at every pixel (IGI of Dubla 2012).
+std::unique_ptr<IndirectPass> make_instant_gi(const PassSetup& setup);
+
+/// A part of the virtual point lights at every pixel, and a filter over pixels (Wald et al. 2002).
+std::unique_ptr<IndirectPass> make_instant_gi_interleaved(const PassSetup& setup);
+
 /// Records by hemisphere gathers.
 std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& setup);
 
@@ -45,6 +51,10 @@ inline constexpr std::array kIntegrators{
     IntegratorEntry{"whitted", "direct light only, by ray tracing", make_whitted, nullptr, false},
     IntegratorEntry{"path", "path tracing with next-event estimation: the unbiased reference", make_path,
                     nullptr, false},
+    IntegratorEntry{"instant_gi", "every virtual point light at every pixel", make_instant_gi, nullptr, true},
+    IntegratorEntry{"instant_gi_interleaved",
+                    "virtual point lights shared out among neighbours, then filtered",
+                    make_instant_gi_interleaved, nullptr, true},
     IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", nullptr,
                     make_irradiance_cache, false},
     IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame",
