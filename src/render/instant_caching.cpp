@@ -21,6 +21,12 @@ std::uint64_t compensation_key(const glm::vec3& p) noexcept {
                    std::bit_cast<std::uint32_t>(p.z));
 }
 
+VplChange update_vpls(VplUpdate& update, Crew& crew) {
+  crew.for_each(update.chunks(), 1,
+                [&](unsigned, Tracer& tracer, std::size_t chunk) { update.trace(tracer, chunk); });
+  return update.commit();
+}
+
 InstantCachingSource::InstantCachingSource(const PassSetup& s)
     : vpls_(s.rays, {s.vpls, s.seed}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),

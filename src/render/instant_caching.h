@@ -36,6 +36,9 @@ inline Compensation compensate_record(Tracer& tracer, const Hit& point, float cl
   return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p));
 }
 
+/// Traces paths of a set anew, by a crew.
+VplChange update_vpls(VplUpdate& update, Crew& crew);
+
 /// Static instant caching: in every frame VPLs are traced anew and records made anew. Ids are those of
 /// RecordNames.
 class InstantCachingSource final : public RecordSource {

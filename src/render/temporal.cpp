@@ -114,9 +114,7 @@ VplChange TemporalSource::update_lights(const SceneChange& change, const MovedBo
   figures_.light_paths_retraced = cut.size();
   if (cut.empty()) return {};
   VplUpdate update(vpls_, std::move(cut));
-  crew.for_each(update.chunks(), 1,
-                [&](unsigned, Tracer& tracer, std::size_t chunk) { update.trace(tracer, chunk); });
-  VplChange changed = update.commit();
+  VplChange changed = update_vpls(update, crew);
   table_.widen(vpls_.vpls().words());
   return changed;
 }
