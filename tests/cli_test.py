@@ -252,7 +252,7 @@ class Compare(Case):
 
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "compare"]
+    COMMANDS = ["list", "sweep", "render", "animate", "compare"]
 
     def test_without_arguments_help_goes_to_standard_error(self):
         done = self.run_icbench()
