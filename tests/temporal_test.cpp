@@ -5,13 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "render/moved_boxes.h"
@@ -39,7 +40,7 @@ class Witness final : public RecordSource {
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
     const Record r = source.evaluate(thread, tracer, x, key);
     const std::lock_guard lock(mutex_);
-    hits.insert_or_assign(r.id, x.hit);
+    hits.insert_or_assign({r.p.x, r.p.y, r.p.z}, x.hit);
     return r;
   }
   void settle(unsigned thread, const Record& r, InsertResult result) noexcept override {
@@ -53,7 +54,7 @@ class Witness final : public RecordSource {
   void report(PassFigures& figures) const noexcept override { source.report(figures); }
 
   TemporalSource source;
-  std::unordered_map<std::uint32_t, Hit> hits;  // by id
+  std::map<std::array<float, 3>, Hit> hits;  // by place
 
  private:
   std::mutex mutex_;
@@ -87,12 +88,14 @@ class Film {
       std::uint32_t frame, const Falsify& falsify = [](SceneChange&) {}) {
     SceneChange change = rays.go_to(static_cast<float>(frame));
     moved.assign(rays.scene().meshes.size(), false);
+    begun = true;
     for (const MovedMesh& m : change.moved) moved[m.mesh] = true;
     falsify(change);
     pass->begin_frame(change);
   }
 
   void render(std::uint32_t frame) {
+    begun = false;
     const CameraView view(rays.scene().camera, primary.width, primary.height);
     const SampleKey key{1, frame, 0};
     const auto for_all = [&](const auto& f) {
@@ -123,8 +126,8 @@ class Film {
     pass->for_each_record([&](const Record& r) {
       ++records;
       if (!first.empty()) return;
-      const Hit& hit = witness->hits.at(r.id);
-      if (moved[hit.mesh]) first = "a record on a mesh that moved";
+      const Hit& hit = witness->hits.at({r.p.x, r.p.y, r.p.z});
+      if (begun && moved[hit.mesh]) first = "a record on a mesh that moved";
       const Hit point = record_point(hit);
       DistanceCodes codes;
       radius.trace(tracer, point, RadiusRays::kAll, codes);
@@ -148,7 +151,8 @@ class Film {
   Image direct, indirect;
   Witness* witness = nullptr;
   std::unique_ptr<IndirectPass> pass;
-  std::vector<bool> moved;
+  std::vector<bool> moved;    // by mesh
+  bool begun = false;         // a frame, of which nothing has been rendered yet
   std::uint64_t records = 0;  // seen by difference()
 
  private:
@@ -205,8 +209,8 @@ std::optional<std::uint32_t> noticed(const Animations& a, const Falsify& falsify
   Film film(animated_room(a), "sequential", 1);
   for (std::uint32_t frame = 0; frame < 16; ++frame) {
     film.begin(frame, falsify);
-    film.render(frame);
     if (!film.difference().empty()) return frame;
+    film.render(frame);
   }
   return std::nullopt;
 }

@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "core/random.h"
+#include "render/instant_gi.h"
 #include "render/integrators.h"
 
 namespace icbench {
@@ -33,8 +34,7 @@ InstantCachingSource::InstantCachingSource(const PassSetup& s)
       names_(s.rays.scene(), s.width, s.height) {}
 
 RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
-  VplUpdate update(vpls_);
-  update_vpls(update, crew);
+  retrace_all(vpls_, crew);
   return RecordsThen::go;
 }
 

@@ -1,7 +1,9 @@
 #include "render/moved_boxes.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <glm/common.hpp>
 #include <glm/ext/matrix_double3x3.hpp>
 #include <glm/ext/vector_double3.hpp>
@@ -51,22 +53,22 @@ bool MovedBox::meets(const glm::vec3& a, const glm::vec3& b) const noexcept {
   return !parted(c.x, c.y, c.z, d.x, d.y, d.z, half_);
 }
 
-void MovedBox::mark(const glm::vec3& a, const PointsView& ends,
-                    std::span<std::uint64_t> hits) const noexcept {
+void MovedBox::mark(const glm::vec3& a, const float* x, const float* y, const float* z,
+                    std::uint64_t& hits) const noexcept {
   const glm::vec3 h = half_;
-  for (std::size_t first = 0; first < ends.count; first += 64) {
-    const std::size_t count = std::min<std::size_t>(64, ends.count - first);
-    std::uint8_t met[64];
-    for (std::size_t i = 0; i < count; ++i) {
-      const float x = ends.x[first + i], y = ends.y[first + i], z = ends.z[first + i];
-      met[i] = !parted(0.5f * (a.x + x), 0.5f * (a.y + y), 0.5f * (a.z + z), 0.5f * (x - a.x),
-                       0.5f * (y - a.y), 0.5f * (z - a.z), h);
-    }
-    std::uint64_t word = 0;
-    for (std::size_t i = 0; i < count; ++i) word |= std::uint64_t{met[i]} << i;
-    hits[first / 64] |= word;
+  alignas(64) std::uint8_t met[64];
+  for (std::size_t i = 0; i < 64; ++i) {
+    met[i] = !parted(0.5f * (a.x + x[i]), 0.5f * (a.y + y[i]), 0.5f * (a.z + z[i]), 0.5f * (x[i] - a.x),
+                     0.5f * (y[i] - a.y), 0.5f * (z[i] - a.z), h);
+  }
+  // Eight bytes of 0 or 1 at a time: the product brings their lowest bits together on top.
+  for (std::size_t i = 0; i < 64; i += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, met + i, 8);
+    hits |= (eight * 0x0102040810204080u >> 56) << i;
   }
 }
+static_assert(std::endian::native == std::endian::little, "the first byte is taken for the lowest");
 
 MovedBoxes::MovedBoxes(const SceneChange& change, float epsilon) {
   for (const MovedMesh& m : change.moved) {
@@ -86,25 +88,29 @@ bool MovedBoxes::near(const glm::vec3& p, float distance) const noexcept {
 }
 
 SegmentEnds::SegmentEnds(const MovedBoxes& boxes, const PointsView& world)
-    : boxes_(boxes.boxes()), count_(world.count), points_(3 * world.count * boxes.boxes().size()) {
+    : boxes_(boxes.boxes()), count_(world.count), padded_((world.count + 63) / 64 * 64) {
+  points_.resize(3 * padded_ * boxes_.size());
   float* to = points_.data();
   for (const MovedBox& box : boxes_) {
     for (std::size_t i = 0; i < count_; ++i) {
       const glm::vec3 p = box.to_box({world.x[i], world.y[i], world.z[i]});
       to[i] = p.x;
-      to[count_ + i] = p.y;
-      to[2 * count_ + i] = p.z;
+      to[padded_ + i] = p.y;
+      to[2 * padded_ + i] = p.z;
     }
-    to += 3 * count_;
+    to += 3 * padded_;
   }
 }
 
 void SegmentEnds::mark(const glm::vec3& from, std::span<std::uint64_t> hits) const noexcept {
   const float* points = points_.data();
   for (const MovedBox& box : boxes_) {
-    box.mark(box.to_box(from), {points, points + count_, points + 2 * count_, count_}, hits);
-    points += 3 * count_;
+    const glm::vec3 a = box.to_box(from);
+    for (std::size_t i = 0; i < padded_; i += 64)
+      box.mark(a, points + i, points + padded_ + i, points + 2 * padded_ + i, hits[i / 64]);
+    points += 3 * padded_;
   }
+  if (!boxes_.empty() && count_ < padded_) hits[count_ / 64] &= (std::uint64_t{1} << count_ % 64) - 1;
 }
 
 }  // namespace icbench

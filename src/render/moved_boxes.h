@@ -37,9 +37,10 @@ class MovedBox {
   /// Whether it comes within `distance` (of the world) of a point of its space; conservative.
   bool near(const glm::vec3& p, float distance) const noexcept;
 
-  /// Sets bit i of `hits` (64 to a word, little end first) for each segment from `a` to ends[i], in the box's space,
-  /// that meets it; leaves other bits as they are.
-  void mark(const glm::vec3& a, const PointsView& ends, std::span<std::uint64_t> hits) const noexcept;
+  /// Sets bit i of `hits` for each of the segments from `a` to 64 ends, in the box's space, that meets it; leaves other
+  /// bits as they are.
+  void mark(const glm::vec3& a, const float* x, const float* y, const float* z,
+            std::uint64_t& hits) const noexcept;
 
  private:
   glm::mat3 inverse_;
@@ -73,13 +74,14 @@ class SegmentEnds {
   SegmentEnds() = default;
   SegmentEnds(const MovedBoxes& boxes, const PointsView& world);
 
-  /// Sets bit i of `hits` for each segment from `from` to end i that meets any box.
+  /// Sets bit i of `hits` (64 to a word, lowest first) for each segment from `from` to end i that meets any box. Bits
+  /// beyond the last end become 0.
   void mark(const glm::vec3& from, std::span<std::uint64_t> hits) const noexcept;
 
  private:
   std::span<const MovedBox> boxes_;
-  std::size_t count_ = 0;
-  std::vector<float> points_;  // x of all, y of all, z of all; for each box
+  std::size_t count_ = 0, padded_ = 0;  // padded: to whole words
+  std::vector<float> points_;           // x of all, y of all, z of all; for each box
 };
 
 }  // namespace icbench

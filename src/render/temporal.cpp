@@ -79,6 +79,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
     w.dropped.clear();
     w.regrown.clear();
   }
+  figures_.records_dropped += homeless_;
   touched += std::exchange(homeless_, 0);
   if (swept) live_when_swept_ = live_;
   begin_sweep_if_due();
@@ -89,11 +90,12 @@ void TemporalSource::count_new_records() noexcept {
   for (Worker& w : workers_) {
     live_ += std::exchange(w.made, 0);
     homeless_ += std::exchange(w.homeless, 0);
+    out_of_room_ |= std::exchange(w.out_of_room, false);
   }
 }
 
 void TemporalSource::begin_sweep_if_due() noexcept {
-  if (live_ <= 2 * live_when_swept_ + kSpare) return;
+  if (!std::exchange(out_of_room_, false) && live_ <= 2 * live_when_swept_ + kSpare) return;
   sweeping_ = true;
   for (std::uint32_t id = 0; id < table_.end(); ++id)
     if (table_[id].state == KeptRecord::live) table_[id].state = KeptRecord::unused;
@@ -225,14 +227,16 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
 }
 
 void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
+  Worker& w = workers_[thread];
+  if (record.id == RecordTable::kNone || result == InsertResult::full) w.out_of_room = true;
   if (result != InsertResult::inserted) return;
   if (record.id == RecordTable::kNone) {
-    ++workers_[thread].homeless;
+    ++w.homeless;
     return;
   }
   table_.keep(thread);
   table_[record.id].state = KeptRecord::live;
-  ++workers_[thread].made;
+  ++w.made;
 }
 
 void TemporalSource::used(const Record& record) noexcept {

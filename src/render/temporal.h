@@ -20,7 +20,7 @@
 // worked out before, and is looked up by id.
 //
 // Records that no pixel uses any more: when the number of records has doubled since this was last done (and grown by
-// kSpare at least), the queries of one frame tell which records they use, and the others are dropped as the next frame
+// kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and the others are dropped as the next frame
 // begins. So their number stays below twice the number in use, and a frame's new ones, for ever; between such frames
 // queries tell nothing and nothing is paid for.
 //
@@ -70,6 +70,7 @@ class TemporalSource final : public RecordSource {
     std::uint64_t made = 0;      // records that this thread inserted
     std::uint64_t homeless = 0;  // of those, without an id
     KeptRecord homeless_record;
+    bool out_of_room = false;  // here or in the cache
   };
 
   // What a frame's change means for records.
@@ -100,6 +101,7 @@ class TemporalSource final : public RecordSource {
   std::vector<Record> to_insert_;
   bool sweeping_ = false;
   bool started_ = false;
+  bool out_of_room_ = false;
   std::uint64_t live_ = 0, live_when_swept_ = 0;
   std::uint64_t homeless_ = 0;  // in the cache, but not kept here: there was no room
   PassFigures figures_;
