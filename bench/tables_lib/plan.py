@@ -26,7 +26,6 @@ kMechanisms = {"lck": "global_mutex", "lw": "local_write", "wf": "wait_free"}
 kBase = "sequential"
 
 kPictureMetrics = "rmse,relmse,mean_ratio,flip,hdrvdp"
-kFrameMetrics = "rmse,relmse,mean_ratio,flip,hdrvdp,flicker"
 kCurveMetrics = "rmse,relmse"
 
 
@@ -197,7 +196,7 @@ class Planner:
             for method in ("tic", "ic", "interleaved"):
                 plan.over_frames[method] = self.compare(
                     scene, f"all frames, {title(method)} against IGI", [Input("a", made["igi"], "frames")],
-                    [Input("b", made[method], "frames")], kFrameMetrics)
+                    [Input("b", made[method], "frames")], kPictureMetrics)
 
     def _equal_error(self, plan: Plan) -> None:
         """Error against time over VPLs and accuracy. Methods whose frames do not depend on one another render only the
@@ -221,8 +220,8 @@ class Planner:
                                     accuracy=accuracy) for f in measured]
                 got = [Input(f"b/{pictures.frame_name(f)}", job, "picture.exr") for f, job in zip(measured, made)]
                 plan.curve[key] = made
-            metrics = kCurveMetrics + (",flicker" if len(limit) > 1 else "")
-            plan.curve_errors[key] = self.compare(scene, f"error of {title(method)}, {setting}", limit, got, metrics)
+
+            plan.curve_errors[key] = self.compare(scene, f"error of {title(method)}, {setting}", limit, got, kCurveMetrics)
 
         for method in ("igi", "interleaved"):
             for count in sorted({*scale.few_vpls, *scale.vpl_counts, plan.vpls}):
