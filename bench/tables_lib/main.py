@@ -1,4 +1,7 @@
-"""bench/tables after set-up and building: runs the jobs, writes tables.json, and has the page made of it."""
+"""bench/tables after set-up and building: runs the jobs and writes tables.json, whose path it prints.
+
+Status: 0 done, 1 a job failed, 2 bad usage or nothing can be written, 130 interrupted.
+"""
 from __future__ import annotations
 
 import datetime
@@ -20,12 +23,11 @@ from claims import claims, targets
 from jobs import JobFailed, Store, SpaceEnded, identity_of_program, sweep_scratch
 from options import BadUsage, Settings
 from plan import Plan, Planner
-from progress import Progress
+from progress import Progress, clock
 from tables import choose_vpls, method_titles, scene_tables
-from thesis import kAnimations, kIndirectTimes, kPerceived, kSource, kStills
+from thesis import kAnimations, kIndirectTimes, kPerceived, kSource, kStills, kWholeFrameRange
 
 kSchema = 1
-kPage = Path(__file__).resolve().parents[2] / "plots" / "thesis_page.py"
 kProbe = ("--integrator", "path", "--size", "48x36", "--spp", "4", "--seed", "1", "--out", "probe.exr")
 
 
@@ -199,7 +201,7 @@ class Run:
             "build": self.store.build, "machine": _machine(),
             "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.accuracy, "seed": s.seed},
             "methods": method_titles(), "absent": self.absent, "failures": self.failures,
-            "thesis": {"indirect_times": {k: v.__dict__ for k, v in kIndirectTimes.items()},
+            "thesis": {"whole_frames": kWholeFrameRange, "indirect_times": {k: v.__dict__ for k, v in kIndirectTimes.items()},
                        "perceived": {k: v.__dict__ for k, v in kPerceived.items()}},
             "scenes": self.done, "targets": targets(self.done), "claims": claims(self.done)}
         path = s.out / "tables.json"
@@ -258,11 +260,11 @@ def work(settings: Settings) -> int:
         path = run.write(True)
     finally:
         os.close(lock)
-    say(f"{len(run.done)} scenes in {time.monotonic() - start:.0f} s")
-    made = subprocess.run([sys.executable, str(kPage), str(path), "--out", str(settings.out)], stdin=subprocess.DEVNULL)
     for failure in run.failures:
         say(f"failed, {failure['scene']}, {failure['job']}: {failure['error']}")
-    return 1 if run.failures or made.returncode != 0 else 0
+    say(f"{len(run.done)} scenes in {clock(time.monotonic() - start)}")
+    print(path)
+    return 1 if run.failures else 0
 
 
 def main() -> int:
