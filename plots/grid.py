@@ -25,7 +25,8 @@ class Grid:
 
     def html(self) -> str:
         kinds = ["" if i < self.left else "n" for i in range(len(self.columns))]
-        over = "".join(f'<th colspan="{span}" class="{"group" if title else ""}">{text(title)}</th>'
+        kinds[0] = "key" if self.left == 1 else ""
+        over = "".join(f'<th colspan="{span}" class="{"group" if title else "none"}">{text(title)}</th>'
                        for title, span in self.groups)
         head = "".join(f'<th class="{kind}">{text(title)}</th>' for kind, title in zip(kinds, self.columns))
         body = "".join(f"<tr>{''.join(map(_html_cell, kinds, row))}</tr>" for row in self.rows)

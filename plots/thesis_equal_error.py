@@ -50,9 +50,9 @@ def build(measured: Measured) -> Built:
     count = measured.data["settings"]["converged_vpls"]
     return Built(table, [Plate("all", "Error against time", panels,
                                lambda layout: method_handles(measured, kShown, layout),
-                               "seconds a frame for the indirect light", f"RMSE against IGI of {count:,} VPLs, W/(m² sr)",
-                               footnote="Medians over the last frames. Lines join the points that no other of the same "
-                               "method beats in both.")])
+                               "seconds a frame for the indirect light", "RMSE, W/(m² sr)",
+                               footnote=f"Against IGI of {count:,} VPLs, on the last frames; medians over them. "
+                               "Lines join the points that no other of the same method beats in both.")])
 
 
 FIGURE = Figure(

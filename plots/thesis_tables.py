@@ -37,7 +37,7 @@ def _verdict(measured: Measured, row: str) -> Cell:
     found = next((t for t in measured.data["targets"] if t["name"] == row), None)
     if not found or found["median"] is None:
         return kEmpty
-    return Cell(f"{style.number(found['median'] / found['target'])} {found['verdict']}", "", kVerdicts[found["verdict"]])
+    return Cell(style.number(found["median"] / found["target"]), found["verdict"], kVerdicts[found["verdict"]])
 
 
 def _vpls(scene: dict) -> Cell:
@@ -241,7 +241,7 @@ def memory(measured: Measured) -> Grid:
 def targets(measured: Measured) -> Grid:
     grid = Grid("targets", "Figures to reach", "A row passes when its whole interval keeps the relation, and fails when its "
                 "whole interval breaks it. (That shadow rays run at 0.85 of bare Embree's speed is a row of bench/targets.)",
-                ["figure", "target", "measured", "measured / target", "verdict"])
+                ["figure", "target", "measured", "measured / target", "verdict"], left=2)
     for row in measured.data["targets"]:
         figure = row if row["median"] is not None else None
         share = style.number(row["median"] / row["target"]) if figure else "–"

@@ -24,8 +24,8 @@ def interval_of(samples) -> dict | None:
     if n >= kMinSamples:
         rank, tail = 0, 0.0  # values[rank] is low; tail = P(at most `rank` of n lie below the median)
         while rank < (n - 1) // 2:
-            tail += math.comb(n, rank) / 2.0 ** n
-            if 1 - 2 * (tail + math.comb(n, rank + 1) / 2.0 ** n) < kConfidence:
+            tail += math.comb(n, rank) / 2.0**n
+            if 1 - 2 * (tail + math.comb(n, rank + 1) / 2.0**n) < kConfidence:
                 break
             rank += 1
         low, high = values[rank], values[n - 1 - rank]
@@ -50,8 +50,10 @@ def inverse(interval: dict | None) -> dict | None:
     if interval is None or not interval["median"] > 0:
         return None
     low, high = interval["low"], interval["high"]
-    return {"median": 1 / interval["median"], "low": 1 / high if high else None, "high": 1 / low if low else None,
-            "n": interval["n"]}
+    return {
+        "median": 1 / interval["median"], "low": 1 / high if high else None, "high": 1 / low if low else None,
+        "n": interval["n"]
+    }
 
 
 def decide(interval: dict | None, relation: str, target: float) -> str:
@@ -73,7 +75,7 @@ def worst(verdicts) -> str:
 
 
 # A figure has levelled off where it is no more than this above its value at the largest count.
-kLevelShare = 0.10   # of that value
+kLevelShare = 0.10  # of that value
 kLevelPoints = 0.10  # or percentage points, whichever is more
 
 

@@ -43,20 +43,19 @@ class Input:
 @dataclass(frozen=True)
 class Job:
     scene: str
-    label: str                                # for people: "IGI, round 2"
-    arguments: tuple[str, ...]                # of the program, without --json; or the name of a function of Store
-    kind: str                                 # jobs of a kind are alike in how their time follows from `guess`
-    guess: float                              # seconds, a priori
-    outputs: tuple[str, ...] = ()             # files and folders that other jobs read
+    label: str  # for people: "IGI, round 2"
+    arguments: tuple[str, ...]  # of the program, without --json; or the name of a function of Store
+    kind: str  # jobs of a kind are alike in how their time follows from `guess`
+    guess: float  # seconds, a priori
+    outputs: tuple[str, ...] = ()  # files and folders that other jobs read
     inputs: tuple[Input, ...] = ()
-    repetition: int = 0                       # from 1 where a command is timed again and again
-    is_reference: bool = False                # kept with the references: identified by the scene's looks, not by the build
+    repetition: int = 0  # from 1 where a command is timed again and again
+    is_reference: bool = False  # kept with the references: identified by the scene's looks, not by the build
     internal: Callable[[Path], dict] | None = field(default=None, compare=False)  # instead of the program
 
 
 class Store:
     """The finished jobs of an output folder. `build` identifies the program; `fingerprints` the looks of scenes."""
-
     def __init__(self, icbench: Path, folder: Path, references: Path, build: str):
         self.icbench, self.folder, self.references, self.build = icbench, folder, references, build
         self.fingerprints: dict[str, str] = {}
@@ -65,8 +64,11 @@ class Store:
 
     def identity(self, job: Job) -> str:
         if job not in self._identities:
-            parts = [list(job.arguments), job.repetition, self.fingerprints[job.scene] if job.is_reference else self.build,
-                     [[i.name, self.identity(i.job), i.path] for i in job.inputs]]
+            parts = [
+                list(job.arguments), job.repetition,
+                self.fingerprints[job.scene] if job.is_reference else self.build,
+                [[i.name, self.identity(i.job), i.path] for i in job.inputs]
+            ]
             self._identities[job] = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
         return self._identities[job]
 
@@ -84,7 +86,8 @@ class Store:
                 record = json.loads((self.place(job) / kRecord).read_text(encoding="utf-8"))
             except (OSError, ValueError):
                 return None
-            if not isinstance(record, dict) or record.get("identity") != key or not isinstance(record.get("result"), dict):
+            if not isinstance(record, dict) or record.get("identity") != key or not isinstance(
+                    record.get("result"), dict):
                 return None
             self._records[key] = record
         return self._records[key]
@@ -97,7 +100,8 @@ class Store:
         return all((self.place(job) / name).exists() for name in job.outputs)
 
     def command(self, job: Job) -> str:
-        program = [str(self.icbench), *job.arguments, "--json", kResult] if job.internal is None else job.arguments
+        program = [str(self.icbench), *job.arguments, "--json", kResult
+                   ] if job.internal is None else job.arguments
         return shlex.join(program)
 
     def ensure(self, job: Job, files: bool = False) -> None:
@@ -114,7 +118,8 @@ class Store:
             self._run(job, scratch)
             self._commit(job, scratch, place)
         except OSError as error:
-            raise SpaceEnded(f"{error.filename or scratch}: {error.strerror}; mend it and go on with --resume") from None
+            raise SpaceEnded(
+                f"{error.filename or scratch}: {error.strerror}; mend it and go on with --resume") from None
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
 
@@ -132,9 +137,11 @@ class Store:
         for name in job.outputs:
             if not (scratch / name).exists():
                 raise JobFailed(f"{self.command(job)}: wrote no {name}")
-        record = {"identity": self.identity(job), "scene": job.scene, "label": job.label, "kind": job.kind,
-                  "command": self.command(job), "build": self.build, "seconds": seconds, "guess": job.guess,
-                  "result": result}
+        record = {
+            "identity": self.identity(job), "scene": job.scene, "label": job.label, "kind": job.kind,
+            "command": self.command(job), "build": self.build, "seconds": seconds, "guess": job.guess,
+            "result": result
+        }
         with open(scratch / kRecord, "w", encoding="utf-8") as file:
             json.dump(record, file, indent=1)
             file.flush()
@@ -198,12 +205,14 @@ def identity_of_program(icbench: Path) -> str:
     Raises JobFailed if it cannot be run.
     """
     try:
-        done = subprocess.run([str(icbench), "--version"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        done = subprocess.run([str(icbench), "--version"], capture_output=True, text=True,
+                              stdin=subprocess.DEVNULL)
     except OSError as error:
         raise JobFailed(f"{icbench}: {error.strerror}; build it, or name another with --icbench") from None
     version = done.stdout.strip()
     if done.returncode != 0 or not version:
-        raise JobFailed(f"{icbench} --version: status {done.returncode}; build it, or name another with --icbench")
+        raise JobFailed(
+            f"{icbench} --version: status {done.returncode}; build it, or name another with --icbench")
     if "with changes" in version or "commit" not in version:
         version += f", program {hashlib.sha256(icbench.read_bytes()).hexdigest()[:12]}"
     return version

@@ -37,7 +37,6 @@ def say(text: str) -> None:
 
 class Run:
     """One run of bench/tables."""
-
     def __init__(self, settings: Settings):
         self.settings = settings
         self.known = self._known_scenes()
@@ -57,29 +56,37 @@ class Run:
             entries = json.loads(done.stdout)
             return {e["name"]: e.get("description", "") for e in entries if not e.get("analytic")}
         except OSError as error:
-            raise BadUsage(f"{self.settings.icbench}: {error.strerror}; build it, or name another with --icbench") from None
+            raise BadUsage(
+                f"{self.settings.icbench}: {error.strerror}; build it, or name another with --icbench"
+            ) from None
         except (ValueError, TypeError, KeyError, AttributeError):
-            raise BadUsage(f"{shlex.join(command)} lists no scenes; build it, or name another with --icbench") from None
+            raise BadUsage(
+                f"{shlex.join(command)} lists no scenes; build it, or name another with --icbench") from None
 
     def _scenes(self) -> tuple[list[str], list[str]]:
         """The scenes to run, and those of the thesis that the program does not have."""
         wanted = self.settings.scenes
         for name in wanted:
             if name not in self.known and not Path(name).is_file():
-                raise BadUsage(f"--scenes: there is no scene and no file '{name}'; the scenes are {', '.join(self.known)}")
+                raise BadUsage(
+                    f"--scenes: there is no scene and no file '{name}'; the scenes are {', '.join(self.known)}"
+                )
         all_ = [*kAnimations, *kStills]
         return ([str(Path(n).resolve()) if n not in self.known else n for n in wanted]
-                or [n for n in all_ if n in self.known], [] if wanted else [n for n in all_ if n not in self.known])
+                or [n for n in all_ if n in self.known],
+                [] if wanted else [n for n in all_ if n not in self.known])
 
     def fingerprint(self, scene: str) -> str:
         """How the scene looks to this program's path tracer: references of other looks are not used. Raises JobFailed."""
         with tempfile.TemporaryDirectory(prefix="icbench-tables-") as folder:
             command = [str(self.settings.icbench), "render", "--scene", scene, *kProbe]
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
+                                  stdin=subprocess.DEVNULL)
             probe = Path(folder) / "probe.exr"
             if done.returncode != 0 or not probe.exists():
                 said = done.stderr.strip().splitlines()
-                raise JobFailed(f"{shlex.join(command)}: status {done.returncode}: {said[-1] if said else 'no message'}")
+                raise JobFailed(
+                    f"{shlex.join(command)}: status {done.returncode}: {said[-1] if said else 'no message'}")
             return hashlib.sha256(probe.read_bytes()).hexdigest()[:16]
 
     def start(self) -> tuple[dict[str, Plan], Progress]:
@@ -94,7 +101,8 @@ class Run:
                 continue
             is_animation = scene not in kStills
             plans[scene] = self.planner.start(scene, is_animation)
-            progress.expect(scene, self.planner.finish(self.planner.start(scene, is_animation), middle).jobs())
+            progress.expect(scene,
+                            self.planner.finish(self.planner.start(scene, is_animation), middle).jobs())
         return plans, progress
 
     def _failed(self, scene: str, what: str, why: str) -> None:
@@ -110,8 +118,10 @@ class Run:
             progress.expect(plan.scene, plan.jobs())
             self._run(plan.jobs(), progress)
         else:
-            self._failed(plan.scene, "number of VPLs", f"{plan.scene}: IGI could not be compared with path tracing, so "
-                         "there is no number of VPLs to go on with")
+            self._failed(
+                plan.scene, "number of VPLs",
+                f"{plan.scene}: IGI could not be compared with path tracing, so "
+                "there is no number of VPLs to go on with")
         self.done[plan.scene] = scene_tables(self.store, plan, self.settings, self.known.get(plan.scene, ""))
         try:
             self.done[plan.scene]["pictures"] = self._pictures(plan)
@@ -196,14 +206,19 @@ class Run:
         """tables.json, whole or not at all."""
         s = self.settings
         measured = {
-            "schema": kSchema, "title": "The thesis's tables, made in kind on our own scenes", "source": kSource,
-            "complete": complete, "mode": s.mode, "command_line": shlex.join(["bench/tables", *sys.argv[1:]]),
-            "build": self.store.build, "machine": _machine(),
+            "schema": kSchema, "title": "The thesis's tables, made in kind on our own scenes",
+            "source": kSource, "complete": complete, "mode": s.mode,
+            "command_line": shlex.join(["bench/tables",
+                                        *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
             "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.accuracy, "seed": s.seed},
-            "methods": method_titles(), "absent": self.absent, "failures": self.failures,
-            "thesis": {"whole_frames": kWholeFrameRange, "indirect_times": {k: v.__dict__ for k, v in kIndirectTimes.items()},
-                       "perceived": {k: v.__dict__ for k, v in kPerceived.items()}},
-            "scenes": self.done, "targets": targets(self.done), "claims": claims(self.done)}
+            "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
+                "whole_frames": kWholeFrameRange,
+                "indirect_times": {k: v.__dict__
+                                   for k, v in kIndirectTimes.items()},
+                "perceived": {k: v.__dict__
+                              for k, v in kPerceived.items()}
+            }, "scenes": self.done, "targets": targets(self.done), "claims": claims(self.done)
+        }
         path = s.out / "tables.json"
         scratch = path.with_name(".tables.json.scratch")
         scratch.write_text(json.dumps(measured, indent=1), encoding="utf-8")
@@ -212,10 +227,13 @@ class Run:
 
 
 def _machine() -> dict:
-    model = next((line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")),
-                 platform.machine())
-    return {"cpu": model, "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
-            "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")}
+    model = next(
+        (line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")),
+        platform.machine())
+    return {
+        "cpu": model, "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
+        "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
+    }
 
 
 def _lines(path: str) -> list[str]:
@@ -236,11 +254,13 @@ def _prepare(settings: Settings) -> int:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
-        raise BadUsage(f"another run is writing to '{settings.out}'; wait for it or choose another --out") from None
+        raise BadUsage(
+            f"another run is writing to '{settings.out}'; wait for it or choose another --out") from None
     finished = len(list((settings.out / "jobs").glob("*/*/job.json")))
     if finished and not settings.resume:
-        raise BadUsage(f"'{settings.out}' holds {finished} finished jobs; go on with --resume, choose another --out, "
-                       "or remove the folder")
+        raise BadUsage(
+            f"'{settings.out}' holds {finished} finished jobs; go on with --resume, choose another --out, "
+            "or remove the folder")
     sweep_scratch(settings.out / "jobs")
     sweep_scratch(settings.references)
     return lock

@@ -23,25 +23,27 @@ class BadUsage(Exception):
 @dataclass(frozen=True)
 class Scale:
     """How much is rendered and how often it is timed."""
-    size: tuple[int, int]            # pixels
-    frames: int                      # of an animation
-    rounds: int                      # in each of which every method is timed once
-    reference_spp: int               # path tracing, both halves together
-    vpl_counts: tuple[int, ...]      # among which a scene's number of VPLs is chosen
-    vpl_seeds: int                   # sets of VPLs that each count is judged by
-    super_spp: int                   # of supersampled IGI
-    converged_vpls: int              # of the IGI that stands for the limit of many VPLs
-    converged_frames: int            # the last ones, on which errors against it are measured
-    few_vpls: tuple[int, ...]        # what the curve of error against time adds below vpl_counts
-    accuracies: tuple[float, ...]    # of the caches, on that curve
-    mechanism_frames: int            # of an animation on which mechanisms are compared
-    preview_side: int                # largest side of an animated preview, pixels
+    size: tuple[int, int]  # pixels
+    frames: int  # of an animation
+    rounds: int  # in each of which every method is timed once
+    reference_spp: int  # path tracing, both halves together
+    vpl_counts: tuple[int, ...]  # among which a scene's number of VPLs is chosen
+    vpl_seeds: int  # sets of VPLs that each count is judged by
+    super_spp: int  # of supersampled IGI
+    converged_vpls: int  # of the IGI that stands for the limit of many VPLs
+    converged_frames: int  # the last ones, on which errors against it are measured
+    few_vpls: tuple[int, ...]  # what the curve of error against time adds below vpl_counts
+    accuracies: tuple[float, ...]  # of the caches, on that curve
+    mechanism_frames: int  # of an animation on which mechanisms are compared
+    preview_side: int  # largest side of an animated preview, pixels
 
 
 kScales = {
     "default": Scale((512, 384), 100, 3, 2500, (64, 128, 256, 512, 1024, 2048, 4096), 3, 16, 16384, 4,
                      (4, 8, 16, 32), (0.4, 0.2, 0.1, 0.05), 20, 320),
-    "quick": Scale((160, 120), 8, 3, 128, (64, 128, 256, 512), 1, 4, 4096, 2, (8, 16, 32), (0.4, 0.2, 0.1), 4, 160)}
+    "quick": Scale((160, 120), 8, 3, 128, (64, 128, 256, 512), 1, 4, 4096, 2, (8, 16, 32), (0.4, 0.2, 0.1), 4,
+                   160)
+}
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,9 @@ class Settings:
     scale: Scale
     out: Path
     references: Path
-    scenes: tuple[str, ...]          # asked for; empty: the thesis's
-    threads: tuple[int, ...]         # on which mechanisms are compared
-    accuracy: float                  # of the caches, in every table
+    scenes: tuple[str, ...]  # asked for; empty: the thesis's
+    threads: tuple[int, ...]  # on which mechanisms are compared
+    accuracy: float  # of the caches, in every table
     seed: int
     resume: bool
     keep_png: bool
@@ -151,12 +153,13 @@ def parse(arguments: list[str]) -> Settings:
     scale = Scale(**{**scale.__dict__, **few})
     threads = default_threads(units())
     if given.threads is not None:
-        threads = tuple(sorted(_whole("--threads", item, 1, kMaxThreads)
-                               for item in _items("--threads", given.threads)))
+        threads = tuple(
+            sorted(_whole("--threads", item, 1, kMaxThreads) for item in _items("--threads", given.threads)))
     out = _writable("--out", Path(given.out))
     references = _writable("--references", Path(given.references)) if given.references else out / "references"
-    return Settings(mode, scale, out, references, tuple(_items("--scenes", given.scenes)) if given.scenes else (),
-                    threads, _accuracy(given.accuracy), _whole("--seed", given.seed, 0, 10**9 - 1), given.resume,
+    return Settings(mode, scale, out, references,
+                    tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
+                    _accuracy(given.accuracy), _whole("--seed", given.seed, 0, 10**9 - 1), given.resume,
                     given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
 
 

@@ -96,7 +96,8 @@ def _decode(data: bytes) -> np.ndarray:
         first, size = struct.unpack_from("<ii", data, offset)
         count = min(lines, bottom + 1 - first)
         packed = data[offset + 8:offset + 8 + size]
-        block = np.frombuffer(packed if lines == 1 and size == line_bytes else _unzip(packed, count * line_bytes), np.uint8)
+        block = np.frombuffer(
+            packed if lines == 1 and size == line_bytes else _unzip(packed, count * line_bytes), np.uint8)
         block = block.reshape(count, line_bytes)
         start = 0
         for name, kind in channels:
@@ -110,11 +111,13 @@ def _decode(data: bytes) -> np.ndarray:
 def encode(picture: np.ndarray) -> bytes:
     """The bytes of an OpenEXR file, floats, not compressed."""
     height, width, _ = picture.shape
-    channels = b"".join(name + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for name in (b"B", b"G", b"R")) + b"\0"
+    channels = b"".join(name + b"\0" + struct.pack("<iiii", 2, 0, 1, 1)
+                        for name in (b"B", b"G", b"R")) + b"\0"
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    attributes = [("channels", "chlist", channels), ("compression", "compression", b"\0"), ("dataWindow", "box2i", window),
-                  ("displayWindow", "box2i", window), ("lineOrder", "lineOrder", b"\0"),
-                  ("pixelAspectRatio", "float", struct.pack("<f", 1)), ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
+    attributes = [("channels", "chlist", channels), ("compression", "compression", b"\0"),
+                  ("dataWindow", "box2i", window), ("displayWindow", "box2i", window),
+                  ("lineOrder", "lineOrder", b"\0"), ("pixelAspectRatio", "float", struct.pack("<f", 1)),
+                  ("screenWindowCenter", "v2f", struct.pack("<2f", 0, 0)),
                   ("screenWindowWidth", "float", struct.pack("<f", 1))]
     head = struct.pack("<II", kMagic, 2) + b"".join(
         name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
@@ -122,7 +125,8 @@ def encode(picture: np.ndarray) -> bytes:
     planes = np.ascontiguousarray(picture[:, :, ::-1].transpose(0, 2, 1), "<f4")
     stride = 8 + width * 12
     table = struct.pack(f"<{height}Q", *(len(head) + 8 * height + stride * y for y in range(height)))
-    return head + table + b"".join(struct.pack("<ii", y, width * 12) + planes[y].tobytes() for y in range(height))
+    return head + table + b"".join(
+        struct.pack("<ii", y, width * 12) + planes[y].tobytes() for y in range(height))
 
 
 def write_mean(sources: tuple[str, ...], target: str, folder: Path) -> dict:
@@ -141,7 +145,7 @@ def exposure_of(picture: np.ndarray) -> float:
 def tone_mapped(picture: np.ndarray, exposure: float) -> Image.Image:
     """8 bits, sRGB."""
     linear = np.clip(picture * exposure, 0, 1)
-    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear**(1 / 2.4) - 0.055)
     return Image.fromarray((curved * 255 + 0.5).astype(np.uint8), "RGB")
 
 
@@ -160,4 +164,5 @@ def write_preview(frames: list[Path], exposure: float, side: int, path: Path) ->
         image = tone_mapped(read(frame), exposure)
         image.thumbnail((side, side), Image.LANCZOS)
         small.append(image)
-    write_image(small[0], path, save_all=True, append_images=small[1:], duration=40, loop=0, quality=80, method=4)
+    write_image(small[0], path, save_all=True, append_images=small[1:], duration=40, loop=0, quality=80,
+                method=4)

@@ -19,7 +19,6 @@ class Progress:
     """Counts the jobs that are expected. Time left: what the jobs left were guessed to take, times how far the guesses of
     finished jobs of the same kind (of all kinds, where there is none) were off.
     """
-
     def __init__(self, store: Store):
         self._store = store
         self._left: dict[str, dict[str, Job]] = {}  # scene: identity: job

@@ -38,9 +38,11 @@ def _errors(store: Store, job: Job | None) -> dict | None:
     result = store.result(job) if job else None
     if result is None:
         return None
-    return {"p75": _get(result, "hdrvdp", "p75"), "p95": _get(result, "hdrvdp", "p95"), "rmse": _get(result, "rmse"),
-            "relmse": _get(result, "relmse"), "flip": _get(result, "flip"), "mean_ratio": _get(result, "mean_ratio"),
-            "flicker": _get(result, "flicker")}
+    return {
+        "p75": _get(result, "hdrvdp", "p75"), "p95": _get(result, "hdrvdp", "p95"),
+        "rmse": _get(result, "rmse"), "relmse": _get(result, "relmse"), "flip": _get(result, "flip"),
+        "mean_ratio": _get(result, "mean_ratio"), "flicker": _get(result, "flicker")
+    }
 
 
 def vpl_curve(store: Store, plan: Plan) -> list[dict]:
@@ -48,15 +50,21 @@ def vpl_curve(store: Store, plan: Plan) -> list[dict]:
     points = []
     for count in sorted({count for count, _ in plan.sweep}):
         seeds = [seed for c, seed in plan.sweep if c == count]
-        errors = [e for e in (_errors(store, plan.sweep_errors[count, seed]) for seed in seeds)
-                  if e and e["p75"] is not None]
+        errors = [
+            e for e in (_errors(store, plan.sweep_errors[count, seed]) for seed in seeds)
+            if e and e["p75"] is not None
+        ]
         if not errors:
             continue
-        point = {key: median(e[key] for e in errors) if all(e[key] is not None for e in errors) else None
-                 for key in ("p75", "p95", "rmse")}
+        point = {
+            key: median(e[key] for e in errors) if all(e[key] is not None for e in errors) else None
+            for key in ("p75", "p95", "rmse")
+        }
         times = [_get(store.result(plan.sweep[count, seed]), "seconds_indirect") for seed in seeds]
-        points.append({"vpls": count, **point, "p75_low": min(e["p75"] for e in errors),
-                       "p75_high": max(e["p75"] for e in errors), "seconds_indirect": mean(times), "sets": len(errors)})
+        points.append({
+            "vpls": count, **point, "p75_low": min(e["p75"] for e in errors),
+            "p75_high": max(e["p75"] for e in errors), "seconds_indirect": mean(times), "sets": len(errors)
+        })
     return points
 
 
@@ -78,14 +86,21 @@ def _times(store: Store, plan: Plan, rounds: int) -> dict | None:
         columns = list(zip(*([_get(f, "seconds_indirect") for f in _frames(r)] for r in rs if r)))
         series[m] = [median(c) if None not in c else None for c in columns]
     return {
-        "methods": {m: {"frames_per_second": interval_of(1 / s for s in whole[m] if s),
-                        "seconds_indirect": interval_of(indirect[m]), "seconds_indirect_after_first": interval_of(later[m])}
-                    for m in kIntegrators},
-        "whole_over_tic": {m: ratios(whole[m], whole["tic"]) for m in kRivals},
-        "indirect_over_tic": {m: ratios(indirect[m], indirect["tic"]) for m in kRivals},
-        "indirect_over_tic_after_first": {m: ratios(later[m], later["tic"]) for m in kRivals},
-        "tic_over_ic": ratios(indirect["tic"], indirect["ic"]),
-        "indirect_per_frame": series}
+        "methods": {
+            m: {
+                "frames_per_second": interval_of(1 / s for s in whole[m] if s),
+                "seconds_indirect": interval_of(indirect[m]),
+                "seconds_indirect_after_first": interval_of(later[m])
+            }
+            for m in kIntegrators
+        }, "whole_over_tic": {m: ratios(whole[m], whole["tic"])
+                              for m in kRivals},
+        "indirect_over_tic": {m: ratios(indirect[m], indirect["tic"])
+                              for m in kRivals},
+        "indirect_over_tic_after_first": {m: ratios(later[m], later["tic"])
+                                          for m in kRivals},
+        "tic_over_ic": ratios(indirect["tic"], indirect["ic"]), "indirect_per_frame": series
+    }
 
 
 def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
@@ -100,14 +115,20 @@ def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
             seconds = [_get(frame, "seconds_indirect") for frame in frames]
         if _get(errors, "rmse") is None or not seconds or None in seconds:
             continue
-        points.append({"method": method, "vpls": vpls, "accuracy": accuracy if method in ("ic", "tic") else None,
-                       "seconds": seconds, "rmse": _get(errors, "rmse"), "relmse": _get(errors, "relmse"),
-                       "flicker": _get(errors, "flicker")})
-    ours = next((p for p in points if p["method"] == "tic" and p["vpls"] == plan.vpls
-                 and p["accuracy"] == settings.accuracy), None)
+        points.append({
+            "method": method, "vpls": vpls, "accuracy": accuracy if method in ("ic", "tic") else None,
+            "seconds": seconds, "rmse": _get(errors, "rmse"), "relmse": _get(errors, "relmse"),
+            "flicker": _get(errors, "flicker")
+        })
+    ours = next((p for p in points
+                 if p["method"] == "tic" and p["vpls"] == plan.vpls and p["accuracy"] == settings.accuracy),
+                None)
     if ours is None:
         return {"points": points, "target": None, "speedups": {}} if points else None
-    return {"points": points, "target": ours, "speedups": {m: at_equal_error(points, m, ours) for m in kRivals}}
+    return {
+        "points": points, "target": ours, "speedups": {m: at_equal_error(points, m, ours)
+                                                       for m in kRivals}
+    }
 
 
 def at_equal_error(points: list[dict], method: str, ours: dict) -> dict | None:
@@ -132,6 +153,7 @@ def _mechanisms(store: Store, plan: Plan, settings: Settings) -> dict:
     out = {}
     rounds = range(settings.scale.rounds)
     for what in dict.fromkeys(key[0] for key in plan.mechanisms):
+
         def speeds(name, threads, what=what):
             results = [store.result(plan.mechanisms[what, name, threads, r]) for r in rounds]
             seconds = [_get(r, "seconds") if what == "still" else _per_frame(r, "seconds") for r in results]
@@ -145,36 +167,47 @@ def _mechanisms(store: Store, plan: Plan, settings: Settings) -> dict:
             for name, cache in kMechanisms.items():
                 results, speed = speeds(name, threads)
                 records = [_get(r, "records") for r in results]
-                rows.append({"mechanism": name, "cache": cache, "threads": threads,
-                             "frames_per_second": interval_of(speed), "speedup": ratios(speed, base),
-                             "over_wait_free": ratios(speed, fastest),
-                             "lock_wait_share": interval_of(_get(r, "lock_wait_share") for r in results),
-                             "redundant_share": interval_of(n / m - 1 for n, m in zip(records, needed)
-                                                            if n is not None and m)})
-        out[what] = {"base": {"cache": "sequential", "threads": 1, "frames_per_second": interval_of(base),
-                              "records": interval_of(needed)}, "rows": rows}
+                rows.append({
+                    "mechanism": name, "cache": cache, "threads": threads,
+                    "frames_per_second": interval_of(speed), "speedup": ratios(speed, base),
+                    "over_wait_free": ratios(speed, fastest),
+                    "lock_wait_share": interval_of(_get(r, "lock_wait_share") for r in results),
+                    "redundant_share": interval_of(n / m - 1 for n, m in zip(records, needed)
+                                                   if n is not None and m)
+                })
+        out[what] = {
+            "base": {
+                "cache": "sequential", "threads": 1, "frames_per_second": interval_of(base),
+                "records": interval_of(needed)
+            }, "rows": rows
+        }
     return out
 
 
 def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
     """TIC's memory beside the cache's, and the work that it saved after the first frame."""
-    results = [r for r in (store.result(plan.timing["tic", n]) for n in range(rounds)) if r] if plan.timing else []
+    results = [r for r in (store.result(plan.timing["tic", n]) for n in range(rounds))
+               if r] if plan.timing else []
     if not results:
         return None
     result = results[0]
     later = _frames(result)[1:]
     records, extra = _get(result, "records"), _get(result, "bytes_beside_cache")
     allowed = plan.vpls / 8 + 64
-    sums = {key: sum(_get(f, key) or 0 for f in later)
-            for key in ("records_kept", "records_updated", "records_dropped", "light_paths", "light_paths_retraced",
-                        "shadow_rays")}
+    sums = {
+        key: sum(_get(f, key) or 0 for f in later)
+        for key in ("records_kept", "records_updated", "records_dropped", "light_paths",
+                    "light_paths_retraced", "shadow_rays")
+    }
     rivals = {m: store.result(plan.timing[m, 0]) for m in ("ic", "igi")}
     rays = {m: sum(_get(f, "shadow_rays") or 0 for f in _frames(r)[1:]) for m, r in rivals.items() if r}
-    return {"records": records, "bytes_beside_cache": extra, "vpls": plan.vpls,
-            "bytes_per_record": extra / records if records and extra is not None else None,
-            "allowed_bytes_per_record": allowed,
-            "share_of_allowed": exact(extra / records / allowed if records and extra is not None else None),
-            "work_after_first": sums, "shadow_rays_after_first": {"tic": sums["shadow_rays"], **rays}}
+    return {
+        "records": records, "bytes_beside_cache": extra, "vpls": plan.vpls,
+        "bytes_per_record": extra / records if records and extra is not None else None,
+        "allowed_bytes_per_record": allowed,
+        "share_of_allowed": exact(extra / records / allowed if records and extra is not None else None),
+        "work_after_first": sums, "shadow_rays_after_first": {"tic": sums["shadow_rays"], **rays}
+    }
 
 
 def _mean_seconds(jobs: list[Job], store: Store) -> float | None:
@@ -189,16 +222,20 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
     rounds = settings.scale.rounds
     return {
         "title": kSceneTitles.get(plan.scene, plan.scene), "description": description,
-        "kind": "animation" if plan.is_animation else "still",
-        "vpls": {"chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]), "curve": vpl_curve(store, plan)},
-        "reference": {"spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),
-                      "halves": _errors(store, plan.reference_error)},
-        "time": _times(store, plan, rounds),
-        "quality": {name: _errors(store, job) for name, job in plan.quality.items()},
-        "over_frames": {name: _errors(store, job) for name, job in plan.over_frames.items()},
-        "equal_error": _equal_error(store, plan, settings),
-        "mechanisms": _mechanisms(store, plan, settings),
-        "memory": _memory(store, plan, rounds)}
+        "kind": "animation" if plan.is_animation else "still", "vpls": {
+            "chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]),
+            "curve": vpl_curve(store, plan)
+        }, "reference": {
+            "spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),
+            "halves": _errors(store, plan.reference_error)
+        }, "time": _times(store, plan, rounds),
+        "quality": {name: _errors(store, job)
+                    for name, job in plan.quality.items()
+                    }, "over_frames": {name: _errors(store, job)
+                                       for name, job in plan.over_frames.items()},
+        "equal_error": _equal_error(store, plan, settings), "mechanisms": _mechanisms(store, plan, settings),
+        "memory": _memory(store, plan, rounds)
+    }
 
 
 def method_titles() -> dict[str, str]:

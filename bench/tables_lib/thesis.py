@@ -12,7 +12,8 @@ kSource = "Dubla, Interactive Global Illumination on the CPU, PhD thesis, Univer
 kAnimations = {
     "cornell_box": "Cornell Box", "wobble": "Wobble", "desk": "Desk", "bunnies_1": "Bunnies 1",
     "bunnies_2": "Bunnies 2", "bunnies_4": "Bunnies 4", "bunnies_9": "Bunnies 9", "conference": "Conference",
-    "sibenik": "Sibenik"}
+    "sibenik": "Sibenik"
+}
 kStills = {"cornell_specular": "Cornell specular", "cornell_indirect": "Cornell indirect", "office": "Office"}
 kTitles = kAnimations | kStills
 
@@ -28,15 +29,16 @@ class IndirectTime:
 
 
 kIndirectTimes = {
-    "cornell_box": IndirectTime(0.43, 0.09, 0.03, 14.33, 3.00),
-    "wobble": IndirectTime(0.37, 0.09, 0.03, 12.33, 3.00),
-    "desk": IndirectTime(0.56, 0.09, 0.03, 18.67, 3.00),
-    "bunnies_1": IndirectTime(0.56, 0.12, 0.03, 18.67, 4.00),
-    "bunnies_2": IndirectTime(0.55, 0.13, 0.04, 13.75, 3.25),
-    "bunnies_4": IndirectTime(0.55, 0.13, 0.05, 11.00, 2.60),
-    "bunnies_9": IndirectTime(0.57, 0.12, 0.09, 6.33, 1.33),
-    "conference": IndirectTime(1.23, 0.17, 0.05, 24.60, 3.40),
-    "sibenik": IndirectTime(0.97, 0.42, 0.05, 19.40, 8.40)}
+    "cornell_box": IndirectTime(0.43, 0.09, 0.03, 14.33,
+                                3.00), "wobble": IndirectTime(0.37, 0.09, 0.03, 12.33, 3.00),
+    "desk": IndirectTime(0.56, 0.09, 0.03, 18.67,
+                         3.00), "bunnies_1": IndirectTime(0.56, 0.12, 0.03, 18.67, 4.00),
+    "bunnies_2": IndirectTime(0.55, 0.13, 0.04, 13.75,
+                              3.25), "bunnies_4": IndirectTime(0.55, 0.13, 0.05, 11.00, 2.60),
+    "bunnies_9": IndirectTime(0.57, 0.12, 0.09, 6.33,
+                              1.33), "conference": IndirectTime(1.23, 0.17, 0.05, 24.60, 3.40),
+    "sibenik": IndirectTime(0.97, 0.42, 0.05, 19.40, 8.40)
+}
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,13 @@ class Perceived:
 
 
 kPerceived = {
-    "cornell_box": Perceived(0.57, 0.00, 0.31, 0.00),
-    "wobble": Perceived(0.13, 0.00, 0.05, 0.00),
-    "desk": Perceived(2.11, 0.02, 1.01, 0.01),
-    "bunnies_9": Perceived(0.21, 0.00, 0.06, 0.00),
-    "cornell_specular": Perceived(0.91, 0.00, 0.43, 0.00),
-    "cornell_indirect": Perceived(1.86, 0.33, 0.88, 0.19),
-    "conference": Perceived(1.61, 0.16, 0.91, 0.06),
-    "sibenik": Perceived(0.18, 0.06, 0.03, 0.00),
-    "office": Perceived(0.45, 0.23, 0.00, 0.00)}
+    "cornell_box": Perceived(0.57, 0.00, 0.31,
+                             0.00), "wobble": Perceived(0.13, 0.00, 0.05,
+                                                        0.00), "desk": Perceived(2.11, 0.02, 1.01, 0.01),
+    "bunnies_9": Perceived(0.21, 0.00, 0.06, 0.00), "cornell_specular": Perceived(0.91, 0.00, 0.43, 0.00),
+    "cornell_indirect": Perceived(1.86, 0.33, 0.88, 0.19), "conference": Perceived(1.61, 0.16, 0.91, 0.06),
+    "sibenik": Perceived(0.18, 0.06, 0.03, 0.00), "office": Perceived(0.45, 0.23, 0.00, 0.00)
+}
 
 # Table 6.3 over all scenes: whole frames per second, TIC over IGI.
 kWholeFrameRange = (2.42, 6.82)
