@@ -35,8 +35,8 @@ from plan import Planner  # noqa: E402
 SMALL = ("--quick", "--size", "4x3", "--threads", "1,2", "--icbench", str(FAKE))
 # What --quick is in the tests.
 SCALE = options.Scale((4, 3), frames=3, rounds=3, reference_spp=8, vpl_counts=(64, 128, 256, 512), vpl_seeds=1, super_spp=4,
-                      converged_vpls=1024, converged_frames=2, few_vpls=(32,), accuracies=(0.4, 0.2), mechanism_frames=2,
-                      preview_side=16)
+                      converged_vpls=1024, converged_frames=2, few_vpls=(32,), neighbour_vpls=False,
+                      accuracies=(0.4, 0.2), mechanism_frames=2, animated_stills=False, preview_side=16)
 PATIENCE = 120  # seconds; turns a hang into a failure
 
 
@@ -195,9 +195,10 @@ class Options(unittest.TestCase):
             self.assertIn(option, done.stdout)
 
     def test_thread_counts(self):
-        self.assertEqual(options.default_threads(2), (1, 2, 8))
-        self.assertEqual(options.default_threads(6), (1, 2, 4, 6, 24))
-        self.assertEqual(options.default_threads(1), (1, 4))
+        self.assertEqual(options.default_threads(2, "default"), (1, 2, 8))
+        self.assertEqual(options.default_threads(6, "default"), (1, 2, 4, 6, 24))
+        self.assertEqual(options.default_threads(1, "default"), (1, 4))
+        self.assertEqual(options.default_threads(6, "quick"), (6, 24))
 
 
 class Case(unittest.TestCase):

@@ -33,16 +33,23 @@ class Scale:
     converged_vpls: int  # of the IGI that stands for the limit of many VPLs
     converged_frames: int  # the last ones, on which errors against it are measured
     few_vpls: tuple[int, ...]  # what the curve of error against time adds below vpl_counts
+    neighbour_vpls: bool  # whether it has the caches at a quarter and four times the chosen number too
     accuracies: tuple[float, ...]  # of the caches, on that curve
     mechanism_frames: int  # of an animation on which mechanisms are compared
+    animated_stills: bool  # whether they are compared on the first frame of an animation, too, as a still
     preview_side: int  # largest side of an animated preview, pixels
 
 
 kScales = {
-    "default": Scale((512, 384), 100, 3, 2500, (64, 128, 256, 512, 1024, 2048, 4096), 3, 16, 16384, 4,
-                     (4, 8, 16, 32), (0.4, 0.2, 0.1, 0.05), 20, 320),
-    "quick": Scale((160, 120), 8, 3, 128, (64, 128, 256, 512), 1, 4, 4096, 2, (8, 16, 32), (0.4, 0.2, 0.1), 4,
-                   160)
+    "default":
+    Scale((512, 384), frames=100, rounds=3, reference_spp=2500, vpl_counts=(64, 128, 256, 512, 1024, 2048, 4096),
+          vpl_seeds=3, super_spp=16, converged_vpls=16384, converged_frames=4, few_vpls=(4, 8, 16, 32),
+          neighbour_vpls=True, accuracies=(0.4, 0.2, 0.1, 0.05), mechanism_frames=20, animated_stills=True,
+          preview_side=320),
+    "quick":
+    Scale((160, 120), frames=8, rounds=3, reference_spp=128, vpl_counts=(64, 128, 256, 512), vpl_seeds=1, super_spp=4,
+          converged_vpls=4096, converged_frames=1, few_vpls=(16,), neighbour_vpls=False, accuracies=(0.4, 0.2, 0.1),
+          mechanism_frames=4, animated_stills=False, preview_side=160)
 }
 
 
@@ -71,8 +78,10 @@ def units() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def default_threads(count: int) -> tuple[int, ...]:
-    """1, 2, 4, ... up to all units, and four threads a unit."""
+def default_threads(count: int, mode: str) -> tuple[int, ...]:
+    """1, 2, 4, ... up to all units, and four threads a unit; quickly, the last two alone."""
+    if mode == "quick":
+        return count, min(4 * count, kMaxThreads)
     doubled = [1 << i for i in range(count.bit_length()) if 1 << i < count]
     return tuple(dict.fromkeys([*doubled, count, min(4 * count, kMaxThreads)]))
 
@@ -151,7 +160,7 @@ def parse(arguments: list[str]) -> Settings:
     scale = Scale(**{**kScales[mode].__dict__, **changes})
     few = {name: min(getattr(scale, name), scale.frames) for name in ("converged_frames", "mechanism_frames")}
     scale = Scale(**{**scale.__dict__, **few})
-    threads = default_threads(units())
+    threads = default_threads(units(), mode)
     if given.threads is not None:
         threads = tuple(
             sorted(_whole("--threads", item, 1, kMaxThreads) for item in _items("--threads", given.threads)))

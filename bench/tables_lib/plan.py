@@ -79,9 +79,9 @@ class Plan:
         ]
 
 
-def sparse(counts: tuple[int, ...], chosen: int) -> list[int]:
-    """VPL counts of the curve of the caching methods: the chosen one and its neighbours two doublings away."""
-    return sorted({count for count in counts if count in (chosen // 4, chosen, chosen * 4)} | {chosen})
+def neighbours(counts: tuple[int, ...], chosen: int) -> list[int]:
+    """The chosen number of VPLs, and a quarter and four times of it if they were measured."""
+    return sorted({count for count in counts if count in (chosen // 4, chosen * 4)} | {chosen})
 
 
 class Planner:
@@ -272,20 +272,24 @@ class Planner:
         for method in ("igi", "interleaved"):
             for count in sorted({*scale.few_vpls, *scale.vpl_counts, plan.vpls}):
                 add(method, count, self.settings.accuracy)
+        counts = neighbours(scale.vpl_counts, plan.vpls) if scale.neighbour_vpls else [plan.vpls]
         for method in kCached:
-            for count in sparse(scale.vpl_counts, plan.vpls):
+            for count in counts:
                 for accuracy in sorted({*scale.accuracies, self.settings.accuracy}):
                     add(method, count, accuracy)
 
     def _mechanisms(self, plan: Plan) -> None:
         """Chapter 7 on one scene: the still by irradiance caching, the animation by IC and TIC."""
-        whats = {"still": "irradiance_cache", **({"ic": "ic", "tic": "tic"} if plan.is_animation else {})}
+        whats = {"ic": "ic", "tic": "tic"} if plan.is_animation else {}
+        if not plan.is_animation or self.scale.animated_stills:
+            whats = {"still": "irradiance_cache", **whats}
         cells = [("sequential", kBase, 1)] + [(name, cache, threads) for threads in self.settings.threads
                                               for name, cache in kMechanisms.items()]
         for round_ in range(self.scale.rounds):
             for what, method in whats.items():
                 for name, cache, threads in cells:
-                    label = f"{title(what) if what != 'still' else 'still'}, {title(name)}, threads {threads}, round {round_ + 1}"
+                    kind = "still" if what == "still" else title(what)
+                    label = f"{kind}, {title(name)}, threads {threads}, round {round_ + 1}"
                     if what == "still":
                         job = self.render(plan.scene, method, label, 0, cache=cache, threads=threads,
                                           repetition=round_ + 1)

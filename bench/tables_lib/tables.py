@@ -4,6 +4,7 @@ A number that a failed job was to bring is None; nothing is guessed in its place
 """
 from __future__ import annotations
 
+from pathlib import Path
 from statistics import median
 
 from arithmetic import exact, interval_of, level_off, mean, ratios, seconds_at_error
@@ -210,6 +211,11 @@ def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
     }
 
 
+def _title(scene: str) -> str:
+    """The thesis's name of a scene; of others one made of their name or file."""
+    return kSceneTitles.get(scene) or Path(scene).stem.replace("_", " ").capitalize()
+
+
 def _mean_seconds(jobs: list[Job], store: Store) -> float | None:
     """Seconds of a reference, both halves together."""
     seconds = [_get(store.result(job), "seconds") for job in jobs]
@@ -221,7 +227,7 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
     chosen = choose_vpls(store, plan)
     rounds = settings.scale.rounds
     return {
-        "title": kSceneTitles.get(plan.scene, plan.scene), "description": description,
+        "title": _title(plan.scene), "description": description,
         "kind": "animation" if plan.is_animation else "still", "vpls": {
             "chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]),
             "curve": vpl_curve(store, plan)
