@@ -101,6 +101,37 @@ TEST(RenderCached, CountsAddUpAndIdsAreUnique) {
   }
 }
 
+TEST(RenderCached, WhatIsSeenInGlassIsCachedLikewise) {
+  Scene s = make_scene("white_furnace");
+  const auto glass = s.add_material({.albedo = glm::vec3(1.0f), .surface = Surface::dielectric});
+  s.meshes[1].material = s.meshes[2].material = glass;
+  const RayTracer rays(std::move(s));
+  constexpr int kSize = 32;
+  const PrimaryHits primary = primary_hits(rays, kSize, kSize);
+  Image direct = blank(kSize, kSize);
+  for_tiles(rays, kSize, kSize, TileOrder::scanline, 2,
+            [&](Tracer& t, const Tile& tile) { direct_tile(t, primary, 16, {.seed = 2}, tile, direct); });
+  ListSession session{.bounds = rays.scene().bounds};
+  const CachedRun run = run_cached(rays, primary, session,
+                                   {.strata = Strata::for_rays(1024),
+                                    .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.01f, 0.1f)});
+  std::uint64_t asked = 0;
+  for_each_visible({0, 0, kSize, kSize}, primary, [&](const Visible& x) { asked += reflects(rays, x.hit); });
+  EXPECT_GT(asked, primary.hits.size());
+  EXPECT_EQ(run.use.queries, asked);
+  EXPECT_EQ(run.use.queries, run.use.hits + run.use.inserts);
+  std::vector<bool> seen(primary.layers() * primary.hits.size());
+  for (const Record& r : session.records) {
+    ASSERT_LT(r.id, seen.size());
+    ASSERT_FALSE(seen[r.id]) << "two hits of a pixel share an id";
+    seen[r.id] = true;
+  }
+  Estimate all;
+  for (std::size_t i = 0; i < direct.pixels.size(); ++i)
+    all.add(direct.pixels[i].x + run.indirect.pixels[i].x);
+  EXPECT_NEAR(all.mean(), 1.0, 0.01);
+}
+
 TEST(RenderCached, AFullCacheStillYieldsThePicture) {
   const RayTracer rays(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(rays, 16, 16);

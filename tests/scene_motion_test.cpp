@@ -33,7 +33,7 @@ constexpr Animation kAnimations[] = {
     {"bunnies_2", 69'000, 70'500, 0.15f},
     {"bunnies_4", 69'000, 70'500, 0.15f},
     {"bunnies_9", 69'000, 70'500, 0.15f},
-    {"cornell_specular", 85'000, 95'000, 0.15f},
+    {"cornell_specular", 105'000, 120'000, 0.15f},
     {"cornell_indirect", 140'000, 160'000, 0.18f},
     {"cornell_camera", 140'000, 160'000, 0.0f},
     {"cornell_lamp", 140'000, 160'000, 0.0f},
