@@ -56,7 +56,8 @@ TEST(Flip, PatchesOfOneColour) {
   EXPECT_NEAR(of_patches(glm::vec3(0.0f), glm::vec3(0.01f)), 0.267698f, 1e-4f);
 }
 
-/// LDR-FLIP of an image of one colour against the same with one pixel of another, by distance from that pixel.
+/// LDR-FLIP of an image of one colour against the same with one pixel of another, by distance from that
+/// pixel.
 class Dot {
  public:
   Dot(const glm::vec3& ground, const glm::vec3& colour) {

@@ -60,7 +60,8 @@ Seen seen(const Image& reference, const Image& image, const Viewing& viewing = l
   return {values[0].value, values[1].value};
 }
 
-/// Smallest contrast of a grating on `reference` that a quarter of the pixels show with P > 75 %, by bisection.
+/// Smallest contrast of a grating on `reference` that a quarter of the pixels show with P > 75 %, by
+/// bisection.
 double visible_contrast(const Image& reference, int period) {
   double low = 1e-3, high = 1.0;
   while (high / low > 1.1) {
@@ -264,8 +265,8 @@ TEST(HdrVdp, NoiseMasks) {
 }
 
 TEST(HdrVdp, MaskingDoesNotDependOnThePhaseOfTheMask) {
-  // A grating, and the same with a weaker one a quarter of a period off: it is largest where the first is 0, and
-  // hidden there all the same. Judged in the middle, away from where the mirrored image has a kink.
+  // A grating, and the same with a weaker one a quarter of a period off: it is largest where the first is 0,
+  // and hidden there all the same. Judged in the middle, away from where the mirrored image has a kink.
   const Image mask = with_grating(grey(kSide, kHeight, 50.0), 12, 0.1);
   const auto quadrature = [](const Image& on, double contrast) {
     Image image = on;
