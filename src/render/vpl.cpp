@@ -35,12 +35,28 @@ float halton(std::uint32_t i, std::uint32_t base, float shift) noexcept {
   return std::min(u, 0x1.fffffep-1f);
 }
 
-EmittedRay emit(const LightTable& lights, std::uint64_t seed, std::uint32_t path) noexcept {
-  constexpr std::uint32_t kBases[] = {2, 3, 5, 7, 11};
-  Pcg32 shifts(hash_keys(seed, kShiftStream));
-  float u[5];
-  for (int i = 0; i < 5; ++i) u[i] = halton(path, kBases[i], shifts.uniform());
-  return lights.emit(u[0], u[1], u[2], u[3], u[4]);
+// The numbers of a path: the first from a Halton sequence over the paths, the rest its own.
+class PathNumbers {
+ public:
+  PathNumbers(std::uint64_t seed, std::uint32_t path) noexcept
+      : path_(path), shifts_(hash_keys(seed, kShiftStream)), own_(hash_keys(seed, kPathStream, path)) {}
+
+  float uniform() noexcept {
+    constexpr std::uint32_t kBases[] = {2, 3, 5, 7, 11, 13, 17, 19};
+    return drawn_ < std::size(kBases) ? halton(path_, kBases[drawn_++], shifts_.uniform()) : own_.uniform();
+  }
+
+ private:
+  std::uint32_t path_;
+  Pcg32 shifts_;  // the same of all paths
+  Pcg32 own_;
+  std::size_t drawn_ = 0;
+};
+
+EmittedRay emit(const LightTable& lights, PathNumbers& random) noexcept {
+  const float u_light = random.uniform(), u1 = random.uniform(), u2 = random.uniform();
+  const float v1 = random.uniform(), v2 = random.uniform();
+  return lights.emit(u_light, u1, u2, v1, v2);
 }
 
 bool same_bits(const float* a, const float* b, std::size_t n) noexcept {
@@ -52,8 +68,8 @@ template <class Meet>
 void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond, Meet&& meet) noexcept {
   const RayTracer& rays = tracer.shared();
   if (rays.scene().lights.empty()) return;
-  const EmittedRay start = emit(rays.scene().lights, seed, path);
-  Pcg32 random(hash_keys(seed, kPathStream, path));
+  PathNumbers random(seed, path);
+  const EmittedRay start = emit(rays.scene().lights, random);
   meet(start.p, nullptr);
   glm::vec3 weight(1.0f);
   Ray ray{start.on_surface ? rays.leave(start.p, start.n) : start.p, kInfinity, start.d};
@@ -139,7 +155,7 @@ VplSet::VplSet(const RayTracer& rays, const VplParams& params) : rays_(&rays), s
                               ? 1.0
                               : std::max(static_cast<double>(left) / kPilotPaths, 1.0 / kMaxPathsPerVpl);
   ranges_.resize(static_cast<std::size_t>(std::max(1.0, std::round(wanted / per_path))));
-  vpls_ = VplArrays(static_cast<std::size_t>(wanted + 4.0 * std::sqrt(3.0 * wanted)));
+  vpls_ = VplArrays(static_cast<std::size_t>(wanted + 2.0 * std::sqrt(3.0 * wanted)));
   used_.resize(vpls_.words());
 }
 

@@ -7,8 +7,8 @@
 //
 // How many paths there are is fixed when the set is made, from a pilot of other paths, so that they leave about as many
 // VPLs as wanted. Random numbers depend on the seed and the path's index alone, not on the frame: while nothing cuts a
-// path, tracing it anew gives the same path bit for bit. The lamp, the place and the direction of a start come from a
-// randomly shifted Halton sequence over the paths, the rest from the path's own stream.
+// path, tracing it anew gives the same path bit for bit. The start of a path and what becomes of it at the first
+// surface come from a randomly shifted Halton sequence over the paths, the rest from the path's own stream.
 //
 // VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it is
 // traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots follow the paths.
