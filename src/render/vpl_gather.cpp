@@ -65,7 +65,7 @@ std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
 }
 
 std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, const WordOfVpls& v,
-                      std::uint64_t which) noexcept {
+                      std::uint64_t which, Packing packing) noexcept {
   const std::uint64_t asked = which & facing(hit, v);
   if (asked == 0) return 0;
   const float epsilon = tracer.shared().epsilon();
@@ -75,7 +75,7 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
     y[i] = v.py[i] + epsilon * v.ny[i];
     z[i] = v.pz[i] + epsilon * v.nz[i];
   }
-  return asked & ~tracer.occluded_from(from, x, y, z, asked);
+  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing);
 }
 
 std::uint32_t reverse_bits(std::uint32_t x) noexcept {
@@ -136,7 +136,7 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<std::uint64_t> bits) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   for (std::size_t w = 0; w < vpls.words(); ++w)
-    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0});
+    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0}, Packing::exact);
 }
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
@@ -144,7 +144,8 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   for (std::size_t w = 0; w < vpls.words(); ++w)
     if (which[w] != 0)
-      bits[w] = (bits[w] & ~which[w]) | visible(tracer, from, hit, WordOfVpls(vpls, w), which[w]);
+      bits[w] =
+          (bits[w] & ~which[w]) | visible(tracer, from, hit, WordOfVpls(vpls, w), which[w], Packing::exact);
 }
 
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
@@ -154,12 +155,13 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
   return sum.irradiance();
 }
 
-Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp) noexcept {
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
+                       Packing packing) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   Sum sum;
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     const WordOfVpls v(vpls, w);
-    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}), hit.p, hit.n, clamp);
+    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}, packing), hit.p, hit.n, clamp);
   }
   return sum.irradiance();
 }
