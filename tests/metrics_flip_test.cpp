@@ -56,20 +56,45 @@ TEST(Flip, PatchesOfOneColour) {
   EXPECT_NEAR(of_patches(glm::vec3(0.0f), glm::vec3(0.01f)), 0.267698f, 1e-4f);
 }
 
+/// LDR-FLIP of an image of one colour against the same with one pixel of another, by distance from that
+/// pixel.
+class Dot {
+ public:
+  Dot(const glm::vec3& ground, const glm::vec3& colour) {
+    const Image plain = constant(kSide, kSide, ground);
+    Image dotted = plain;
+    dotted.pixels[place(0, 0)] = colour;
+    errors_ = ldr_flip(plain, dotted, kPixelsPerDegree);
+  }
+  float at(int dx, int dy) const { return errors_[place(dx, dy)]; }
+
+ private:
+  static constexpr int kSide = 41;
+  static std::size_t place(int dx, int dy) { return static_cast<std::size_t>((20 + dy) * kSide + 20 + dx); }
+  std::vector<float> errors_;
+};
+
+// The values of the next two are evaluated apart from this code, with the papers' two-dimensional kernels.
 TEST(Flip, OneWhitePixel) {
-  // Contrast sensitivity leaves 0.1489 of a pixel's light in it at 67 pixels per degree, edges and points
-  // (radius 9) do the rest; evaluated apart from this code with two-dimensional kernels.
-  const Image black = constant(41, 41, glm::vec3(0.0f));
-  Image dot = black;
-  dot.pixels[20 * 41 + 20] = glm::vec3(1.0f);
-  const std::vector<float> errors = ldr_flip(black, dot, kPixelsPerDegree);
-  const auto at = [&](int dx, int dy) { return errors[static_cast<std::size_t>((20 + dy) * 41 + 20 + dx)]; };
-  EXPECT_NEAR(at(0, 0), 0.865049f, 1e-4f);
-  EXPECT_NEAR(at(2, 0), 0.480472f, 1e-4f);
-  EXPECT_NEAR(at(5, 0), 0.001256f, 2e-5f);
-  for (const auto& [dx, dy] : {std::pair{-2, 0}, {0, 2}, {0, -2}}) EXPECT_NEAR(at(dx, dy), at(2, 0), 1e-5f);
-  EXPECT_EQ(at(11, 0), 0.0f);
-  EXPECT_EQ(at(0, -20), 0.0f);
+  const Dot dot(glm::vec3(0.0f), glm::vec3(1.0f));
+  EXPECT_NEAR(dot.at(0, 0), 0.865049f, 1e-4f);  // points decide up to two pixels, then edges
+  EXPECT_NEAR(dot.at(2, 0), 0.480472f, 1e-4f);
+  EXPECT_NEAR(dot.at(3, 0), 0.133567f, 1e-4f);
+  EXPECT_NEAR(dot.at(4, 0), 0.017979f, 1e-4f);
+  for (const auto& [dx, dy] : {std::pair{-3, 0}, {0, 3}, {0, -3}}) {
+    EXPECT_NEAR(dot.at(dx, dy), dot.at(3, 0), 1e-5f);
+  }
+  EXPECT_EQ(dot.at(11, 0), 0.0f);  // filters reach ten pixels
+  EXPECT_EQ(dot.at(0, -20), 0.0f);
+}
+
+TEST(Flip, OneColouredPixel) {
+  const Dot red(glm::vec3(0.5f), {1.0f, 0.35f, 0.5f});
+  EXPECT_NEAR(red.at(0, 0), 0.160077f, 1e-4f);
+  EXPECT_NEAR(red.at(2, 0), 0.050643f, 1e-4f);
+  const Dot blue(glm::vec3(0.5f), {0.5f, 0.5f, 1.0f});
+  EXPECT_NEAR(blue.at(0, 0), 0.102903f, 1e-4f);
+  EXPECT_NEAR(blue.at(4, 0), 0.022829f, 1e-4f);
 }
 
 TEST(Flip, IsSymmetricForLdr) {
@@ -141,15 +166,19 @@ TEST(Flip, DoesNotDependOnTheUnitOfRadiance) {
   EXPECT_NEAR(mean(a, b), error, 1e-6);
 }
 
-TEST(Flip, FindsErrorsInTheDarkThatOneExposureHides) {
+TEST(Flip, FindsErrorsThatOneExposureHides) {
+  // In the dark, which the exposure for the lamp makes black, and in the lamp, which the other makes white.
   Image reference = constant(40, 40, glm::vec3(1e-3f));
   for (std::size_t i = 0; i < 400; ++i) reference.pixels[i] = glm::vec3(10.0f);
   Image image = reference;
   for (std::size_t i = 1200; i < 1600; ++i) image.pixels[i] *= 2.0f;
+  for (std::size_t i = 0; i < 400; ++i) image.pixels[i] *= 0.5f;
   EXPECT_LT(ldr_flip(reference, image, kPixelsPerDegree).back(), 0.1f);
+  EXPECT_EQ(ldr_flip(reference, image, kPixelsPerDegree).front(), 0.0f);
   Image map;
   flip(reference, image, &map, {});
   EXPECT_GT(map.pixels.back().x, 0.1f);
+  EXPECT_GT(map.pixels.front().x, 0.1f);
 }
 
 TEST(Flip, HardCases) {

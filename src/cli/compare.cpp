@@ -49,8 +49,8 @@ std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
   return found;
 }
 
-/// The images named frame_*.exr in a folder, or where there are none frame_*.png; in the order of their names,
-/// shorter ones first so that numbers need no leading zeros.
+/// The images named frame_*.exr in a folder, or where there are none frame_*.png; in the order of their
+/// names, shorter ones first so that numbers need no leading zeros.
 std::vector<fs::path> frames_of(const std::string& folder) {
   std::vector<fs::path> frames;
   for (const char* extension : {".exr", ".png"}) {

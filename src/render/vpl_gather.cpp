@@ -78,6 +78,42 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
   return asked & ~tracer.occluded_from(from, x, y, z, asked, packing);
 }
 
+// A few slots of many words, asked for together: packets are full that way.
+class Asked {
+ public:
+  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits) noexcept
+      : tracer_(tracer), from_(from), bits_(bits), epsilon_(tracer.shared().epsilon()) {}
+
+  void ask(const WordOfVpls& v, std::size_t word, std::size_t i) noexcept {
+    x_[count_] = v.px[i] + epsilon_ * v.nx[i];
+    y_[count_] = v.py[i] + epsilon_ * v.ny[i];
+    z_[count_] = v.pz[i] + epsilon_ * v.nz[i];
+    slot_[count_++] = static_cast<std::uint32_t>(word * kWord + i);
+    if (count_ == kWord) answer();
+  }
+
+  // Sets the bits of those that see the point.
+  void answer() noexcept {
+    if (count_ == 0) return;
+    const std::uint64_t all = count_ == kWord ? ~std::uint64_t{0} : (std::uint64_t{1} << count_) - 1;
+    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact);
+    for (; seen != 0; seen &= seen - 1) {
+      const std::uint32_t slot = slot_[std::countr_zero(seen)];
+      bits_[slot / kWord] |= std::uint64_t{1} << slot % kWord;
+    }
+    count_ = 0;
+  }
+
+ private:
+  Tracer& tracer_;
+  glm::vec3 from_;
+  std::span<std::uint64_t> bits_;
+  float epsilon_;
+  std::size_t count_ = 0;
+  alignas(64) float x_[kWord], y_[kWord], z_[kWord];
+  std::uint32_t slot_[kWord];
+};
+
 std::uint32_t reverse_bits(std::uint32_t x) noexcept {
   x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
   x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
@@ -141,11 +177,15 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept {
-  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
-  for (std::size_t w = 0; w < vpls.words(); ++w)
-    if (which[w] != 0)
-      bits[w] =
-          (bits[w] & ~which[w]) | visible(tracer, from, hit, WordOfVpls(vpls, w), which[w], Packing::exact);
+  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits);
+  for (std::size_t w = 0; w < vpls.words(); ++w) {
+    if (which[w] == 0) continue;
+    const WordOfVpls v(vpls, w);
+    bits[w] &= ~which[w];
+    for (std::uint64_t rest = which[w] & facing(hit, v); rest != 0; rest &= rest - 1)
+      asked.ask(v, w, static_cast<std::size_t>(std::countr_zero(rest)));
+  }
+  asked.answer();
 }
 
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,

@@ -1,5 +1,5 @@
-// Flicker: error that changes from frame to frame. The eye forgives a lasting error that it would not see in a
-// still; it does not forgive one that comes and goes.
+// Flicker: error that changes from frame to frame. The eye forgives a lasting error that it would not see in
+// a still; it does not forgive one that comes and goes.
 //
 // Takes an animation frame by frame and keeps one image. A lasting error, however large, has no flicker, and
 // neither has motion that both animations share.
@@ -15,8 +15,8 @@ namespace icbench {
 
 class Flicker {
  public:
-  /// The next frame of the reference and of the animation to judge, all of one size. Throws std::runtime_error
-  /// with one line if they cannot be compared.
+  /// The next frame of the reference and of the animation to judge, all of one size. Throws
+  /// std::runtime_error with one line if they cannot be compared.
   void add(const Image& reference, const Image& image) {
     check_comparable(reference, image);
     if (frames_ > 0 && (reference.width != last_.width || reference.height != last_.height)) {
@@ -36,8 +36,8 @@ class Flicker {
 
   int frames() const noexcept { return frames_; }
 
-  /// Root of the mean over channels, pixels and pairs of successive frames of (d' - d)^2, where d is image minus
-  /// reference; W/(m^2 sr). 0 for fewer than two frames. Infinite where differences exceed float.
+  /// Root of the mean over channels, pixels and pairs of successive frames of (d' - d)^2, where d is image
+  /// minus reference; W/(m^2 sr). 0 for fewer than two frames. Infinite where differences exceed float.
   double value() const noexcept { return frames_ < 2 ? 0.0 : std::sqrt(squares_ / (frames_ - 1)); }
 
  private:

@@ -5,9 +5,9 @@
 // High Dynamic Range Images" (2021). The error of a pixel lies in [0, 1] and grows from 0 for equal images to
 // 1 for patches of pure green and pure blue (black against white: 0.967).
 //
-// Costs: linear in pixels and exposures, about 0.4 s an exposure for 2 million pixels on one core; 100 bytes a
-// pixel. There is an exposure for each stop between the median and the maximum of the reference, some ten for a
-// room with a lamp. Results do not depend on the number of threads.
+// Costs: linear in pixels and exposures, about 0.4 s an exposure for 2 million pixels on one core; 100 bytes
+// a pixel. There is an exposure for each stop between the median and the maximum of the reference, some ten
+// for a room with a lamp. Results do not depend on the number of threads.
 #pragma once
 
 #include "image/metrics/metric.h"

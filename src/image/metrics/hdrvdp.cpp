@@ -17,7 +17,8 @@ constexpr int kMargin = 32;
 /// Adaptation luminances of the contrast sensitivity filters: 10^-3 to 10^2 cd/m^2.
 constexpr int kFirstDecade = -3, kDecades = 6;
 
-/// Luminances that differ by less are the same, cd/m^2: the filters spread differences to pixels that have none.
+/// Luminances that differ by less are the same, cd/m^2: the filters spread differences to pixels that have
+/// none.
 constexpr double kSameLuminance = 1e-4;
 
 /// Pixels of all channels in work at once: bounds the memory, and does not depend on threads.
@@ -144,7 +145,8 @@ Pair<Spectrum> Observer::respond(const Pair<RealPlane>& luminances, double pupil
                                    width_ / per_degree_.x * (height_ / per_degree_.y), viewing_.distance};
     const double peak = peak_sensitivity(at);
     for_each_index(bins, [&](std::size_t i) {
-      // Without the optics, which the luminances have passed. What nobody sees is left out before it can overflow.
+      // Without the optics, which the luminances have passed. What nobody sees is left out before it can
+      // overflow.
       const double frequency = frequency_of(i);
       const double angle = std::atan2(y_of(i) * per_degree_.y, x_of(i) * per_degree_.x);
       const double sensitivity = contrast_sensitivity(frequency, angle, at) / peak;

@@ -19,8 +19,8 @@ inline constexpr double kPeakContrast = 0.006;
 /// Diameter of the pupil, mm, at an adaptation luminance in cd/m^2 (Moon and Spencer).
 double pupil_diameter(double luminance) noexcept;
 
-/// Share of the contrast at `frequency`, cycles per degree, that a pupil of that diameter in mm lets through to the
-/// retina (Deeley): exp(-(f / (20.9 - 2.1 d))^(1.3 - 0.07 d)).
+/// Share of the contrast at `frequency`, cycles per degree, that a pupil of that diameter in mm lets through
+/// to the retina (Deeley): exp(-(f / (20.9 - 2.1 d))^(1.3 - 0.07 d)).
 double optical_transfer(double frequency, double pupil) noexcept;
 
 /// What contrast sensitivity depends on besides the frequency (Daly 1993, section 2.2).
@@ -30,8 +30,8 @@ struct SensitivityConditions {
   double distance;   ///< metres
 };
 
-/// Daly's contrast sensitivity for a frequency in cycles per degree at an angle in radians; 0 at frequency 0. For a
-/// large image at 0.5 m and 100 cd/m^2 it peaks with 237 at 3.2 cycles per degree.
+/// Daly's contrast sensitivity for a frequency in cycles per degree at an angle in radians; 0 at frequency
+/// 0. For a large image at 0.5 m and 100 cd/m^2 it peaks with 237 at 3.2 cycles per degree.
 double contrast_sensitivity(double frequency, double angle, const SensitivityConditions& at) noexcept;
 
 /// Largest contrast sensitivity over all frequencies, at angle 0.
@@ -42,8 +42,8 @@ double peak_sensitivity(const SensitivityConditions& at) noexcept;
 /// kPeakContrast (1 + 0.7/L)^0.2 (1 + 100/L)^0.15. L times this is the threshold versus intensity curve.
 double threshold_contrast(double luminance) noexcept;
 
-/// Response of the photoreceptors in just noticeable differences: the integral of dL / (L threshold_contrast(L))
-/// from kMinLuminance, clamped to [kMinLuminance, kMaxLuminance].
+/// Response of the photoreceptors in just noticeable differences: the integral of dL / (L
+/// threshold_contrast(L)) from kMinLuminance, clamped to [kMinLuminance, kMaxLuminance].
 class JndScale {
  public:
   JndScale();
@@ -77,8 +77,8 @@ double threshold_elevation(double mask) noexcept;
 /// Slope of the psychometric function 1 - exp(-c^slope) of contrast c in units of its threshold.
 inline constexpr double kPsychometricSlope = 3.5;
 
-/// c^kPsychometricSlope for c >= 0. The probabilities of independent channels add up by it: the probability that
-/// none detects is exp of minus the sum.
+/// c^kPsychometricSlope for c >= 0. The probabilities of independent channels add up by it: the probability
+/// that none detects is exp of minus the sum.
 double detection_exponent(double c) noexcept;
 
 }  // namespace icbench
