@@ -222,8 +222,8 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 
 float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
 
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
-                        std::uint64_t key) noexcept {
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
+                        Packing packing) noexcept {
   constexpr std::uint32_t kWave = 64;
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(hit.p, hit.ng);
@@ -248,7 +248,10 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
       asked[n] = {from, reach, d};
       index[n++] = i;
     }
-    tracer.intersect({asked, n}, {met, n});
+    if (packing == Packing::fast)
+      tracer.intersect({asked, n}, {met, n});
+    else
+      for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
     for (std::uint32_t k = 0; k < n; ++k) {
       if (!reflects(rays, met[k])) continue;
       const glm::vec3 d = met[k].p - hit.p;

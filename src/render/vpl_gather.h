@@ -64,7 +64,8 @@ float compensation_reach(float clamp) noexcept;
 
 /// Adds back what the clamp takes at a point, from `count` rays; light that arrives at the surfaces met is estimated by
 /// one path each. Random numbers depend on the key alone. 0 rays: 0.
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
-                        std::uint64_t key) noexcept;
+/// With exact packing what a ray meets is a function of the ray and the scene alone, too.
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
+                        Packing packing = Packing::exact) noexcept;
 
 }  // namespace icbench
