@@ -25,6 +25,8 @@ constexpr unsigned kSteps = aiProcess_Triangulate | aiProcess_JoinIdenticalVerti
 // assimp's share: this much at least, or so many times the file.
 constexpr std::size_t kMemory = std::size_t{1} << 30, kMemoryPerByte = 100;
 constexpr unsigned kSeconds = 600;
+// Below this many radians a camera's angle is one that assimp failed to read.
+constexpr double kLeastAngle = 0.02;
 
 glm::dvec3 vec(const aiVector3D& v) { return {v.x, v.y, v.z}; }
 
@@ -221,10 +223,14 @@ class AssimpReader {
       const aiCamera& camera = *from_.mCameras[c];
       if (camera.mName != node.mName) continue;
       // assimp's importers give the whole angle here, whatever its documentation says.
-      const double across = std::clamp<double>(camera.mHorizontalFOV, 1e-3, 3.1);
-      const double aspect = camera.mAspect > 0.0f ? camera.mAspect : 4.0 / 3.0;
+      const double across = camera.mHorizontalFOV,
+                   aspect = camera.mAspect > 0.0f ? camera.mAspect : 4.0 / 3.0;
       Lens lens;
-      lens.fov_y = static_cast<float>(2.0 * std::atan(std::tan(0.5 * across) / aspect));
+      if (across > kLeastAngle && across < 3.1) {
+        lens.fov_y = static_cast<float>(2.0 * std::atan(std::tan(0.5 * across) / aspect));
+      } else {
+        model_.notes.add(fmt::format("the camera's angle is lost; {:.2g} rad stand for it", lens.fov_y));
+      }
       lens.eye = vec(camera.mPosition);
       lens.forward = vec(camera.mLookAt);
       lens.up = vec(camera.mUp);
