@@ -81,8 +81,8 @@ struct GltfFile {
   }
   /// A unit square in the plane z = 0 that faces +z.
   std::size_t square(std::size_t with_material) {
-    return mesh(vec3s({-0.5f, -0.5f, 0, 0.5f, -0.5f, 0, 0.5f, 0.5f, 0, -0.5f, 0.5f, 0}),
-                indices({0, 1, 2, 0, 2, 3}), with_material);
+    const auto positions = vec3s({-0.5f, -0.5f, 0, 0.5f, -0.5f, 0, 0.5f, 0.5f, 0, -0.5f, 0.5f, 0});
+    return mesh(positions, indices({0, 1, 2, 0, 2, 3}), with_material);
   }
   /// A unit cube around the origin.
   std::size_t cube(std::size_t with_material, bool inward = false) {
@@ -93,7 +93,8 @@ struct GltfFile {
                                         2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5};
     if (inward)
       for (std::size_t i = 0; i < faces.size(); i += 3) std::swap(faces[i + 1], faces[i + 2]);
-    return mesh(vec3s(corners), indices(faces), with_material);
+    const auto positions = vec3s(corners);
+    return mesh(positions, indices(faces), with_material);
   }
   /// Moves a property of a node through values at times.
   void animate(std::size_t node, const char* path, std::size_t times, std::size_t values,
