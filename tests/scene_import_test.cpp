@@ -1,8 +1,11 @@
 // Scenes from files: what becomes of nodes, materials, lights, cameras and animations of glTF, of Radiance's surfaces
 // and materials, and of formats that assimp reads.
+#include <assimp/scene.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <assimp/Exporter.hpp>
+#include <assimp/Importer.hpp>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
@@ -662,6 +665,19 @@ TEST(ImportAssimp, AColladaFileComesInMetresWithItsAnimationAndCamera) {
   expect_near(imported.scene.camera.eye, {0, 0, 5}, 1e-4f);
   const Camera& camera = imported.scene.camera;
   expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-5f);
+}
+
+TEST(ImportAssimp, AnFbxFileComesInMetres) {
+  const TemporaryFolder folder;
+  write(folder / "move.dae",
+        kCollada);  // its sides are 100 long; assimp exports it with centimetres as the unit
+  Assimp::Importer importer;
+  Assimp::Exporter exporter;
+  const aiScene* scene = importer.ReadFile((folder / "move.dae").string(), 0);
+  ASSERT_TRUE(scene);
+  ASSERT_EQ(exporter.Export(scene, "fbxa", (folder / "move.fbx").string()), AI_SUCCESS);
+  const Mesh mesh = import_scene(folder / "move.fbx").scene.meshes.at(0);
+  EXPECT_NEAR(glm::length(area(mesh)), 0.5, 1e-5);
 }
 
 }  // namespace

@@ -24,7 +24,8 @@ constexpr unsigned kSteps = aiProcess_Triangulate | aiProcess_JoinIdenticalVerti
                             aiProcess_ValidateDataStructure | aiProcess_GlobalScale;
 // assimp's share: this much at least, or so many times the file.
 constexpr std::size_t kMemory = std::size_t{1} << 30, kMemoryPerByte = 100;
-constexpr unsigned kSeconds = 600;
+constexpr unsigned kSeconds = 2;  // of processor time, and one more for each
+constexpr std::size_t kBytesPerSecond = 50'000;
 // Below this many radians a camera's angle is one that assimp failed to read.
 constexpr double kLeastAngle = 0.02;
 
@@ -105,7 +106,7 @@ class AssimpReader {
     if (m.surface != Surface::diffuse) return;
     for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE}) {
       aiString path;
-      if (material.GetTexture(type, 0, &path) != AI_SUCCESS) continue;
+      if (material.GetTexture(type, 0, &path) != AI_SUCCESS || path.length == 0) continue;
       m.texture = texture(path.C_Str());
       // A texture stands for the colour where formats give both.
       if (m.albedo == glm::vec3(0.0f)) m.albedo = glm::vec3(1.0f);
@@ -320,7 +321,8 @@ Model read_with_assimp(const std::filesystem::path& file) {
     const std::string said = importer.GetErrorString();
     return said.empty() ? "cannot be read" : said;
   };
-  std::string trouble = try_apart(read, std::max<std::size_t>(kMemory, kMemoryPerByte * size), kSeconds);
+  std::string trouble = try_apart(read, std::max<std::size_t>(kMemory, kMemoryPerByte * size),
+                                  kSeconds + static_cast<unsigned>(size / kBytesPerSecond));
   if (trouble.empty()) trouble = read();
   if (!trouble.empty()) throw std::runtime_error(fmt::format("{}: {}", file.string(), trouble));
   return AssimpReader(*importer.GetScene(), file).read();

@@ -349,26 +349,14 @@ class GltfReader {
 
 }  // namespace
 
-bool gltf_needs_assimp(const std::string& bytes) {
-  try {
-    const nlohmann::json json = parse_json(chunks_of(bytes).json);
-    const Element document(json, "");
-    for (std::size_t i = 0; i < document.items("extensionsRequired"); ++i)
-      if (document.at("extensionsRequired")[i].text() == "KHR_draco_mesh_compression") return true;
-    return document.at("asset").text("version", "2.0").starts_with("1.");
-  } catch (const std::runtime_error&) {
-    return false;  // read_gltf says what is wrong
-  }
-}
-
 Model read_gltf(const std::filesystem::path& file, const std::string& bytes) {
   try {
     const Chunks chunks = chunks_of(bytes);
     const nlohmann::json json = parse_json(chunks.json);
     const Element document(json, "");
-    const std::string version = document.at("asset").at("version").text();
-    if (!version.starts_with("2."))
-      document.at("asset").at("version").fail(fmt::format("is '{}'; 2.0 is read", version));
+    const Element version = document.at("asset").at("version");
+    if (!version.text().starts_with("2."))
+      version.fail(fmt::format("is '{}'; 2.0 is read, convert the file to it", version.text()));
     return GltfReader(document, chunks.binary, file).read();
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("{}: {}", file.string(), error.what()));

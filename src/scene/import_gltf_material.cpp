@@ -61,6 +61,9 @@ class MaterialReader {
     if (material.has("normalTexture")) model_.notes.drop("normal maps");
     if (material.has("occlusionTexture")) model_.notes.drop("occlusion maps");
     if (material.text("alphaMode", "OPAQUE") == "MASK") model_.notes.drop("cut-outs by alpha");
+    const auto doubled = material.find("doubleSided");
+    if (doubled && doubled->truth() && emission(material) != glm::vec3(0.0f))
+      model_.notes.drop("light from the back of double-sided surfaces");
     const auto extensions = material.find("extensions");
     if (!extensions) return;
     for (const char* name : {"KHR_materials_clearcoat", "KHR_materials_sheen", "KHR_materials_specular",

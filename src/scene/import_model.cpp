@@ -9,6 +9,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <numbers>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -161,12 +162,11 @@ class Assembly {
                                     [&](const auto& lamp) { return rig_->moves(lamp.node); }) ||
                         (model_.lens && rig_->moves(model_.lens->node));
     if (moving == 0 && !others) return;
-    const double wanted = std::max(1.0, std::round(rig_->duration() * kFramesPerSecond));
-    const double most = std::max<double>(
-        1.0, std::min<double>(kMaxFrames,
-                              std::floor(static_cast<double>(kMaxPoses / std::max<std::size_t>(moving, 1)))));
-    scene_.frames = static_cast<std::uint32_t>(std::min(wanted, most));
     if (moving > kMaxPoses) fail(fmt::format("moves {} meshes; at most {} can", moving, kMaxPoses));
+    const double wanted = std::max(1.0, std::round(rig_->duration() * kFramesPerSecond));
+    const auto most =
+        static_cast<double>(std::min<std::size_t>(kMaxFrames, kMaxPoses / std::max<std::size_t>(moving, 1)));
+    scene_.frames = static_cast<std::uint32_t>(std::min(wanted, most));
     model_.notes.add(wanted > most ? fmt::format("its animation is cut to {} frames of {:.6g}, {} a second",
                                                  scene_.frames, wanted, kFramesPerSecond)
                                    : fmt::format("its animation has {} frames, {} a second", scene_.frames,
@@ -338,7 +338,7 @@ class Assembly {
     light.p = scene_.camera.eye;
     const double distance =
         std::max(glm::distance(glm::dvec3(light.p), bounds_.centre()), 0.5 * bounds_.radius());
-    light.intensity = glm::vec3(static_cast<float>(3.14159265358979 * distance * distance));
+    light.intensity = glm::vec3(static_cast<float>(std::numbers::pi * distance * distance));
     scene_.point_lights.push_back(light);
     model_.notes.add(
         fmt::format("has no light; a point light of {:.4g} W/sr stands at the camera", light.intensity.x));

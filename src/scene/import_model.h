@@ -102,7 +102,4 @@ Model read_gltf(const std::filesystem::path& file, const std::string& bytes);
 Model read_radiance(const std::filesystem::path& file, const std::string& text);
 Model read_with_assimp(const std::filesystem::path& file);
 
-/// Whether a glTF file is of a kind that assimp alone reads: version 1, or with Draco compression.
-bool gltf_needs_assimp(const std::string& bytes);
-
 }  // namespace icbench::importing

@@ -2,10 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <map>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 
@@ -13,14 +13,13 @@
 #include "scene/import_model.h"
 #include "scene/import_polygon.h"
 #include "scene/import_radiance_shapes.h"
+#include "scene/import_radiance_words.h"
 
 namespace icbench::importing {
 namespace {
 
 // A curved surface strays by this share of its radius, or of the scene's size if that is more.
 constexpr double kChordOfRadius = 2e-3, kChordOfScene = 2e-5;
-// Coordinates past this have lost their meaning, and their products would overflow.
-constexpr double kMostCoordinate = 1e15;
 
 struct Primitive {
   std::string modifier, type, name;
@@ -29,111 +28,10 @@ struct Primitive {
   std::size_t line = 1;
 };
 
-// Words of a file with the lines they stand in.
-class Scanner {
- public:
-  Scanner(const std::filesystem::path& file, std::string_view text) : file_(file.string()), text_(text) {}
-
-  [[noreturn]] void fail(std::size_t line, const std::string& what) const {
-    throw std::runtime_error(fmt::format("{}: line {}: {}", file_, line, what));
-  }
-
-  std::size_t line() const { return line_; }
-
-  /// Goes to the next primitive; false at the end. Comments go to `comment`.
-  template <class F>
-  bool next_primitive(F&& comment) {
-    for (;;) {
-      skip_space();
-      if (at_ == text_.size()) return false;
-      if (text_[at_] == '!')
-        fail(line_, "commands are not carried out; flatten the scene with `xform -e` first");
-      if (text_[at_] != '#') return true;
-      const std::size_t end = std::min(text_.find('\n', at_), text_.size());
-      comment(text_.substr(at_, end - at_));
-      at_ = end;
-    }
-  }
-
-  std::string_view word(const char* what) {
-    skip_space();
-    if (at_ == text_.size()) fail(line_, fmt::format("the file ends where {} should be", what));
-    const char quote = text_[at_];
-    std::size_t end = at_;
-    if (quote == '"' || quote == '\'') {
-      end = text_.find(quote, ++at_);
-      if (end == std::string_view::npos) fail(line_, "a quote is not closed");
-    } else {
-      while (end < text_.size() && !is_space(text_[end])) ++end;
-    }
-    const std::string_view word = text_.substr(at_, end - at_);
-    line_ += static_cast<std::size_t>(std::count(word.begin(), word.end(), '\n'));
-    at_ = std::min(end + (quote == '"' || quote == '\'' ? 1 : 0), text_.size());
-    return word;
-  }
-
-  double number(const char* what) {
-    std::string_view w = word(what);
-    if (w.starts_with('+')) w.remove_prefix(1);
-    double value = 0.0;
-    const auto [end, error] = std::from_chars(w.data(), w.data() + w.size(), value);
-    if (error == std::errc::result_out_of_range && end == w.data() + w.size())
-      value = w.find("e-") != w.npos ? 0.0 : NAN;
-    if ((error != std::errc() && error != std::errc::result_out_of_range) || end != w.data() + w.size() ||
-        !(std::abs(value) <= kMostCoordinate))
-      fail(line_, fmt::format("'{}' is not {} of at most {}", w.substr(0, 40), what, kMostCoordinate));
-    return value;
-  }
-
-  std::size_t count(const char* what) {
-    const double n = number(what);
-    if (n < 0.0 || n != std::floor(n))
-      fail(line_, fmt::format("{} is {}; it must be a whole number", what, n));
-    return static_cast<std::size_t>(n);
-  }
-
- private:
-  static bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
-  void skip_space() {
-    for (; at_ < text_.size() && is_space(text_[at_]); ++at_) line_ += text_[at_] == '\n';
-  }
-
-  std::string file_;
-  std::string_view text_;
-  std::size_t at_ = 0, line_ = 1;
-};
-
-// The view that options such as `-vp 0 0 1 -vd 1 0 0 -vu 0 0 1 -vv 40` describe.
-struct View {
-  glm::dvec3 p{0.0, 0.0, 0.0}, d{0.0, 1.0, 0.0}, up{0.0, 0.0, 1.0};
-  double vertical = 45.0;  // degrees
-  bool perspective = true;
-};
-
-View parse_view(Scanner& words) {
-  View view;
-  const auto vector = [&](glm::dvec3& v) {
-    for (int c = 0; c < 3; ++c) v[c] = words.number("a number");
-  };
-  while (words.next_primitive([](std::string_view) {})) {
-    const std::string_view word = words.word("an option");
-    if (word == "-vp") vector(view.p);
-    if (word == "-vd") vector(view.d);
-    if (word == "-vu") vector(view.up);
-    if (word == "-vv") view.vertical = words.number("an angle");
-    if (word.starts_with("-vt")) view.perspective = word == "-vtv";
-  }
-  if (!(glm::length(glm::cross(view.d, view.up)) > 1e-4 * glm::length(view.d) * glm::length(view.up)))
-    words.fail(words.line(), "the view's direction and up vector are parallel; change -vd or -vu");
-  if (view.perspective && !(view.vertical > 0.1 && view.vertical < 179.0))
-    words.fail(words.line(),
-               fmt::format("the view's vertical angle is {}; give -vv in (0, 180)", view.vertical));
-  return view;
-}
-
 class RadianceReader {
  public:
-  RadianceReader(const std::filesystem::path& file, std::string_view text) : file_(file), scan_(file, text) {
+  RadianceReader(const std::filesystem::path& file, std::string_view text)
+      : file_(file), scan_(file.string(), text) {
     model_.file = file.string();
     model_.up = {0.0, 0.0, 1.0};
     model_.front = {0.0, -1.0, 0.0};
@@ -141,15 +39,17 @@ class RadianceReader {
   }
 
   Model read() {
-    std::string view;
-    while (scan_.next_primitive([&](std::string_view comment) {
+    const auto keep_view = [&](std::string_view comment) {
       const std::size_t word = comment.find_first_not_of("# \t");
-      if (word != comment.npos && comment.substr(word).starts_with("view")) view = comment.substr(word + 4);
-    }))
-      read_primitive();
+      if (word == comment.npos || !comment.substr(word).starts_with("view ")) return;
+      if (comment.find(" -v") == comment.npos) return;
+      view_ = comment.substr(word + 4);
+      view_line_ = scan_.line();
+    };
+    while (scan_.more(keep_view)) read_primitive();
     add_surfaces();
     for (std::uint32_t s = 0; s < model_.shapes.size(); ++s) model_.placed_shapes.push_back({0, s});
-    find_view(view);
+    find_view();
     if (!unknown_.empty()) model_.notes.add(listed("primitives of types that are not known:", unknown_));
     if (!grey_.empty()) model_.notes.add(listed("grey stands for the modifiers", grey_));
     return std::move(model_);
@@ -161,7 +61,7 @@ class RadianceReader {
     std::uint32_t material;
     bool invisible;  // void all along
   };
-  struct Surface3 {
+  struct Kept {
     Primitive primitive;
     std::uint32_t material;
   };
@@ -371,33 +271,35 @@ class RadianceReader {
     return model_.shapes[known->second];
   }
 
-  void find_view(const std::string& comment) {
+  void find_view() {
     std::filesystem::path beside = file_;
     beside.replace_extension(".vf");
-    View view;
+    RadianceView view;
     std::error_code ignored;
     if (std::filesystem::exists(beside, ignored)) {
       const std::string text = load_file(beside);
-      Scanner words(beside, text);
-      view = parse_view(words);
-    } else if (!comment.empty()) {
-      Scanner words(file_.string() + " (view comment)", comment);
-      view = parse_view(words);
+      RadianceWords words(beside.string(), text);
+      view = read_view(words);
+    } else if (!view_.empty()) {
+      RadianceWords words(file_.string(), view_, view_line_);
+      view = read_view(words);
     } else {
       return;
     }
     if (!view.perspective) return model_.notes.drop("a view that is not perspective");
     model_.lens = {
-        0, Lens{static_cast<float>(view.vertical * 3.14159265358979 / 180.0), view.p, view.d, view.up}};
+        0, Lens{static_cast<float>(view.vertical * std::numbers::pi / 180.0), view.p, view.d, view.up}};
   }
 
   std::filesystem::path file_;
-  Scanner scan_;
+  RadianceWords scan_;
+  std::string_view view_;  // of the last comment that gives one
+  std::size_t view_line_ = 0;
   Model model_;
   std::map<std::string, Definition> definitions_;  // by name; the last one counts
-  std::vector<Surface3> surfaces_;
+  std::vector<Kept> surfaces_;
   std::map<std::pair<std::uint32_t, bool>, std::size_t> shapes_;
-  std::set<std::string> unknown_, grey_;
+  std::set<std::string> unknown_, grey_;  // types and names
   std::uint32_t grey_material_ = ~0u;
   glm::dvec3 lower_{1e300}, upper_{-1e300};
 };

@@ -28,10 +28,7 @@ std::string one_line(std::string text) {
 importing::Model read(const std::filesystem::path& file) {
   const std::string extension = lower_case(file.extension().string());
   if (extension == ".rad") return importing::read_radiance(file, load_file(file));
-  if (extension == ".gltf" || extension == ".glb") {
-    const std::string bytes = load_file(file);
-    if (!importing::gltf_needs_assimp(bytes)) return importing::read_gltf(file, bytes);
-  }
+  if (extension == ".gltf" || extension == ".glb") return importing::read_gltf(file, load_file(file));
   return importing::read_with_assimp(file);
 }
 

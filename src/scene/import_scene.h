@@ -21,7 +21,7 @@
 // Guarantees: any file gives a scene or one line that names file and place, whatever its bytes. Memory stays within a
 // constant times the bytes of the file and those it names, plus its textures (kMaxTexels) and the surfaces it
 // describes (kMaxVertices). What assimp reads it reads first in a process of its own, so that neither a fault nor
-// its appetite reaches this one: twice the time. No command in a file is ever carried out.
+// its appetite reaches this one: twice the time, and an end to files on which it would have none. No command in a file is ever carried out.
 #pragma once
 
 #include <cstddef>
