@@ -5,7 +5,6 @@
 #include <functional>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <map>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,6 +14,7 @@
 #include "scene/registry.h"
 #include "scene/shapes.h"
 #include "scene/statue.h"
+#include "scene_solid.h"
 
 namespace icbench {
 namespace {
@@ -120,27 +120,6 @@ TEST(SceneRegistry, AnUnknownNameIsAnsweredWithTheKnownOnes) {
   } catch (const std::runtime_error& e) {
     EXPECT_NE(std::string(e.what()).find("cornell_box"), std::string::npos);
   }
-}
-
-// Volume by the divergence theorem: positive exactly if the fronts of a closed mesh face outward.
-double volume(const Mesh& mesh) {
-  double six = 0.0;
-  for (const glm::uvec3& t : mesh.triangles)
-    six += glm::dot(glm::dvec3(mesh.positions[t.x]),
-                    glm::cross(glm::dvec3(mesh.positions[t.y]), glm::dvec3(mesh.positions[t.z])));
-  return six / 6.0;
-}
-
-// Each directed edge once, and its opposite too: no hole, consistent orientation.
-bool is_closed(const Mesh& mesh) {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
-  for (const glm::uvec3& t : mesh.triangles)
-    for (const auto& edge : {std::pair{t.x, t.y}, std::pair{t.y, t.z}, std::pair{t.z, t.x}}) ++edges[edge];
-  for (const auto& [edge, count] : edges) {
-    const auto opposite = edges.find({edge.second, edge.first});
-    if (opposite == edges.end() || opposite->second != count) return false;
-  }
-  return true;
 }
 
 TEST(SceneShapes, SolidsAreClosedAndFaceOutward) {

@@ -1,7 +1,12 @@
 // The caches under every schedule: promises hold, broken caches are caught, and a schedule can be had again.
 #include <gtest/gtest.h>
 
+#include <mutex>
+
+#include "caches/locked.h"
+#include "caches/ward_tree.h"
 #include "stress/explore/explore.h"
+#include "stress/progress/step_sync.h"
 
 namespace icbench::stress::explore {
 namespace {
@@ -71,6 +76,27 @@ TEST(ExploredCaches, KeepTheirPromisesWithinABoundToo) {
     EXPECT_TRUE(e.coverage.complete) << e.scenario;
     EXPECT_EQ(e.preemptions, 1u);
   }
+}
+
+// A lock that no model knows by name.
+struct RecursiveMutex {
+  static constexpr std::string_view kName = "recursive_mutex", kSource = "std::recursive_mutex";
+  using Mutex = std::recursive_mutex;
+  using Read = ExclusiveScope<Mutex>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+// All threads of an execution are one thread of the system: the real mutex would let each of them in.
+TEST(ExploredCaches, AnUnknownLockIsModelled) {
+  using Cache = Locked<WardTree<PlainSync>, RecursiveMutex, NoCounters>;
+  const Scenario* scenario = find_scenario("install");
+  ASSERT_NE(scenario, nullptr);
+  const ScenarioOutcome out = explore_cache<InModel<Cache>>(*scenario, Stamping::stamped, {}, 0);
+  EXPECT_TRUE(out.coverage.complete);
+  EXPECT_GT(out.coverage.schedules, 1u);
+  for (const ScenarioOutcome::Finding& finding : out.findings)
+    EXPECT_EQ(finding.violations, 0u) << finding.witness;
+  static_assert(!std::is_same_v<Stepped<Cache>, Cache>, "its steps are counted on a model too");
 }
 
 void expect_refused(const std::string& id, const std::string& hint) {

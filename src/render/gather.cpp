@@ -12,6 +12,7 @@
 
 #include "core/random.h"
 #include "render/sampling.h"
+#include "render/specular.h"
 #include "render/transport.h"
 
 namespace icbench {
@@ -38,9 +39,10 @@ class Room {
 // A path on its way along a ray.
 struct Path {
   Pcg32 random;
-  glm::vec3 weight;  // of the irradiance where the ray started, in the irradiance asked for
-  float q;           // probability with which the ray was traced
+  glm::vec3 weight;  // of the irradiance where the ray left a diffuse surface, in the irradiance asked for
+  float q;           // probability with which it was traced there
   float p_b;         // density of its direction
+  std::uint32_t specular;  // mirrors and dielectrics met since that diffuse surface
 };
 
 // Up to kWave paths, one bounce at a time. Arrays are compacted in place: the paths that go on move to the
@@ -58,7 +60,7 @@ class Wave {
     const glm::vec3 d = cosine_direction(basis, u_elevation, u_azimuth);
     if (!(glm::dot(d, x.ng) > 0.0f))
       return;  // into the surface, past a tilted shading normal: nothing arrives
-    paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f};
+    paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f, 0};
     rays_[active_++] = {from, kInfinity, d};
   }
 
@@ -83,18 +85,27 @@ class Wave {
  private:
   void trace() noexcept { tracer_.intersect(rays_.first(active_), hits_.first(active_)); }
 
-  void shade(bool count_emission) noexcept {
+  // `count_straight`: whether lamps that are met straight from a diffuse surface count.
+  void shade(bool count_straight) noexcept {
     std::uint32_t lit = 0, onward = 0;
     for (std::uint32_t i = 0; i < active_; ++i) {
       const Hit& hit = hits_[i];
       if (hit.missed()) continue;
       Path path = paths_[i];
       const Material& material = shared_.material(hit);
-      if (count_emission && hit.front && material.emits()) {
-        const float w = emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
+      if (material.is_specular()) {
+        Ray on;
+        if (!scatter_specular(shared_, hit, rays_[i].d, path.specular++, path.random, path.weight, on))
+          continue;
+        paths_[onward] = path;
+        rays_[onward++] = on;
+        continue;
+      }
+      if (hit.front && material.emits() && (count_straight || path.specular > 0)) {
+        const float w = path.specular > 0 ? 1.0f : emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
         E += std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
       }
-      path.weight *= material.albedo / path.q;
+      path.weight *= shared_.albedo(hit) / path.q;
       path.q = survival(path.weight);
       if (!(path.q > 0.0f)) continue;
       LightProposal proposal;
@@ -107,6 +118,7 @@ class Wave {
       const glm::vec3 d = cosine_direction(Basis(hit.n), u_elevation, u_azimuth);
       if (!(glm::dot(d, hit.ng) > 0.0f)) continue;
       path.p_b = glm::dot(d, hit.n) * std::numbers::inv_pi_v<float>;
+      path.specular = 0;
       paths_[onward] = path;
       rays_[onward++] = {shared_.leave(hit.p, hit.ng), kInfinity, d};
     }

@@ -8,6 +8,9 @@
 // Cost: about 2 (1 + albedo + albedo^2 + ...) rays per stratum. Paths advance together, one bounce at a time,
 // so that shadow rays are traced in packets of 16; everything lives on the stack. Random numbers depend on
 // the key alone.
+//
+// Rays go on through mirrors and dielectrics as the path tracer's do; a lamp seen that way is indirect light. Distances
+// are to the first surface, whatever it is.
 #pragma once
 
 #include <cstdint>

@@ -2,45 +2,52 @@
 
 #include <fmt/format.h>
 
-#include <numbers>
 #include <stdexcept>
 #include <string>
 
-#include "render/path.h"
-#include "render/primary.h"
+#include "render/irradiance_cache.h"
 
 namespace icbench {
 namespace {
 
-void picture_tile(Tracer& tracer, const PictureJob& job, Light light, const Tile& tile,
-                  Image& picture) noexcept {
-  const RayTracer& rays = tracer.shared();
-  for (int y = tile.y0; y < tile.y1; ++y)
-    for (int x = tile.x0; x < tile.x1; ++x) {
-      const auto pixel = static_cast<std::uint32_t>(y) * static_cast<std::uint32_t>(picture.width) +
-                         static_cast<std::uint32_t>(x);
-      glm::dvec3 sum(0.0);
-      for (std::uint32_t s = 0; s < job.spp; ++s) {
-        const SampleKey key = job.key.next_sample(s);
-        const Hit hit = primary_hit(tracer, job.view, Lens::jittered, key, x, y, pixel);
-        sum += rays.emitted(hit);
-        if (!reflects(rays, hit)) continue;
-        Pcg32 random(key.of_pixel(pixel, Purpose::path));
-        sum += std::numbers::inv_pi_v<float> * rays.material(hit).albedo *
-               sample_irradiance(tracer, hit, light, random);
+class WhittedPass final : public IndirectPass {
+ public:
+  Light light() const noexcept override { return Light::direct; }
+  void begin_frame(const SceneChange&) override {}
+  void tile(unsigned, Tracer&, const PrimaryHits& primary, const SampleKey&, const Tile& tile,
+            Image& out) noexcept override {
+    for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) { out.pixels[pixel] = glm::vec3(0.0f); });
+  }
+};
+
+class PathPass final : public IndirectPass {
+ public:
+  Light light() const noexcept override { return Light::all; }
+  void begin_frame(const SceneChange&) override {}
+  void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
+            Image& out) noexcept override {
+    const RayTracer& rays = tracer.shared();
+    for_each_visible(tile, primary, [&](const Visible& x) {
+      glm::vec3 L(0.0f);
+      if (reflects(rays, x.hit)) {
+        Pcg32 random(x.key(key, Purpose::path));
+        L = reflected_radiance(rays, x.hit, sample_irradiance(tracer, x.hit, Light::all, random));
       }
-      picture.pixels[pixel] = sum / static_cast<double>(job.spp);
-    }
-}
+      x.show(out, L);
+    });
+  }
+};
 
 }  // namespace
 
-void path_tile(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept {
-  picture_tile(tracer, job, Light::all, tile, picture);
-}
+std::unique_ptr<IndirectPass> make_whitted(const PassSetup&) { return std::make_unique<WhittedPass>(); }
 
-void whitted_tile(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept {
-  picture_tile(tracer, job, Light::direct, tile, picture);
+std::unique_ptr<IndirectPass> make_path(const PassSetup&) { return std::make_unique<PathPass>(); }
+
+std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& s) {
+  return std::make_unique<HemisphereSource>(Strata::for_rays(s.gather_rays),
+                                            radius_limits(s.rays.scene().bounds),
+                                            RecordNames(s.rays.scene(), s.width, s.height));
 }
 
 const IntegratorEntry& find_integrator(std::string_view name) {

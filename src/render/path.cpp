@@ -4,20 +4,21 @@
 #include <limits>
 #include <numbers>
 
+#include "render/specular.h"
 #include "render/transport.h"
 
 namespace icbench {
 namespace {
 
-// Mean over samples of the radiance that x reflects.
-glm::vec3 reflected(Tracer& tracer, const Hit& x, Light light, std::uint32_t pixel, std::uint32_t spp,
-                    const SampleKey& key, Purpose purpose) noexcept {
+// Mean over samples of the radiance that a visible point reflects.
+glm::vec3 reflected(Tracer& tracer, const Visible& x, Light light, std::uint32_t spp, const SampleKey& key,
+                    Purpose purpose) noexcept {
   glm::dvec3 sum(0.0);
   for (std::uint32_t s = 0; s < spp; ++s) {
-    Pcg32 random(key.next_sample(s).of_pixel(pixel, purpose));
-    sum += sample_irradiance(tracer, x, light, random);
+    Pcg32 random(x.key(key.next_sample(s), purpose));
+    sum += sample_irradiance(tracer, x.hit, light, random);
   }
-  return tracer.shared().material(x).albedo * std::numbers::inv_pi_v<float> *
+  return tracer.shared().albedo(x.hit) * std::numbers::inv_pi_v<float> *
          glm::vec3(sum / static_cast<double>(spp));
 }
 
@@ -38,15 +39,22 @@ Irradiance sample_irradiance(Tracer& tracer, const Hit& x, Light light, Pcg32& r
     const glm::vec3 d = cosine_direction(Basis(at.n), u_elevation, u_azimuth);
     if (!(glm::dot(d, at.ng) > 0.0f)) return E;  // into the surface, past a tilted shading normal
     const float p_b = glm::dot(d, at.n) * std::numbers::inv_pi_v<float>;
-    const Hit next =
-        tracer.intersect(Ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d});
+    Ray ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d};
+    std::uint32_t specular = 0;
+    const Hit next = light == Light::direct
+                         ? tracer.intersect(ray)
+                         : intersect_beyond_specular(tracer, ray, random, weight, specular);
     if (next.missed()) return E;
     const Material& material = rays.material(next);
-    if (count_light && next.front && material.emits())
-      E += std::numbers::pi_v<float> * emitter_weight(rays, next, d, p_b, q) / q * weight * material.emission;
+    if (next.front && material.emits()) {
+      // What comes by way of a mirror or glass is indirect, and no shadow ray can find it.
+      const bool straight = specular == 0;
+      const float share = !straight ? 1.0f : count_light ? emitter_weight(rays, next, d, p_b, q) : 0.0f;
+      if (share > 0.0f) E += std::numbers::pi_v<float> * share / q * weight * material.emission;
+    }
     if (light == Light::direct) return E;
 
-    weight *= material.albedo / q;
+    weight *= rays.albedo(next) / q;
     q = survival(weight);
     if (!(q > 0.0f)) return E;
     at = next;
@@ -55,21 +63,19 @@ Irradiance sample_irradiance(Tracer& tracer, const Hit& x, Light light, Pcg32& r
 
 void path_indirect_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key,
                         const Tile& tile, Image& indirect) noexcept {
-  for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-    const Hit& hit = primary.hits[pixel];
-    indirect.pixels[pixel] = reflects(tracer.shared(), hit)
-                                 ? reflected(tracer, hit, Light::indirect, pixel, spp, key, Purpose::path)
-                                 : glm::vec3(0.0f);
+  for_each_visible(tile, primary, [&](const Visible& x) {
+    x.show(indirect, reflects(tracer.shared(), x.hit)
+                         ? reflected(tracer, x, Light::indirect, spp, key, Purpose::path)
+                         : glm::vec3(0.0f));
   });
 }
 
 void direct_tile(Tracer& tracer, const PrimaryHits& primary, std::uint32_t spp, const SampleKey& key,
                  const Tile& tile, Image& direct) noexcept {
-  for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-    const Hit& hit = primary.hits[pixel];
-    direct.pixels[pixel] = tracer.shared().emitted(hit);
-    if (reflects(tracer.shared(), hit))
-      direct.pixels[pixel] += reflected(tracer, hit, Light::direct, pixel, spp, key, Purpose::direct);
+  for_each_visible(tile, primary, [&](const Visible& x) {
+    glm::vec3 L = tracer.shared().emitted(x.hit);
+    if (reflects(tracer.shared(), x.hit)) L += reflected(tracer, x, Light::direct, spp, key, Purpose::direct);
+    x.show(direct, L);
   });
 }
 

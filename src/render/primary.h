@@ -1,4 +1,12 @@
-// Primary hits of a whole image, stored, so that what happens at them can be run and timed by itself.
+// What the pixels of a whole image see, stored, so that what happens there can be run and timed by itself.
+//
+// A pixel sees one diffuse surface. Behind mirrors and dielectrics it may see several, or none: they are followed as in
+// Whitted ray tracing, a dielectric splitting the ray into its reflected and its refracted branch, each with its weight.
+// Images of scenes without such surfaces hold hits alone and are passed over without asking.
+//
+// The tree of a pixel splits down to kSplitDepth bounces and into kMaxVisible leaves at most; beyond that a branch goes
+// on in one direction, chosen by the Fresnel term. Branches of weight below kMinWeight are dropped by roulette: those
+// that survive have weight kMinWeight. So nothing is lost in the mean over pixels or samples.
 #pragma once
 
 #include <algorithm>
@@ -7,6 +15,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/random.h"
+#include "image/image.h"
 #include "render/camera.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"
@@ -14,19 +24,58 @@
 
 namespace icbench {
 
+inline constexpr std::uint32_t kSplitDepth = 8;
+inline constexpr std::uint32_t kMaxVisible = 32;
+inline constexpr float kMinWeight = 1.0f / 256.0f;
+
 /// Where in a pixel its ray goes through.
 enum class Lens : std::uint8_t {
   centre,   ///< the same hits for every sample and frame
   jittered  ///< uniform in the pixel: the mean over samples is box-filtered
 };
 
+/// A diffuse surface as a pixel sees it.
+struct WeightedHit {
+  Hit hit;
+  glm::vec3 weight;  ///< of the radiance that leaves it, in the radiance of the pixel
+};
+
 struct PrimaryHits {
   int width = 0, height = 0;
-  std::vector<Hit> hits;  ///< row-major, top row first; missed() where nothing was hit
+  std::vector<Hit>
+      hits;  ///< of the diffuse surface that counts most, row-major, top row first; missed() if there is none
+
+  // Empty in scenes without specular surfaces, where every weight is 1.
+  std::vector<glm::vec3> weights;               ///< of `hits`
+  std::vector<std::vector<WeightedHit>> extra;  ///< what else a pixel sees; at most kMaxVisible - 1
 
   PrimaryHits() = default;
-  PrimaryHits(int w, int h)
-      : width(w), height(h), hits(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  /// Room for an image of a scene.
+  PrimaryHits(const Scene& scene, int w, int h);
+
+  bool is_plain() const noexcept { return extra.empty(); }  ///< no specular surfaces
+  std::uint32_t layers() const noexcept;                    ///< the most hits that any pixel has, at least 1
+  std::size_t count() const noexcept;                       ///< hits of all pixels, missed ones included
+};
+
+/// One of the hits of a pixel.
+struct Visible {
+  const Hit& hit;       ///< missed() where the pixel sees no diffuse surface
+  glm::vec3 weight;     ///< of the radiance that leaves it, in the radiance of the pixel
+  std::uint32_t pixel;  ///< index
+  std::uint32_t layer;  ///< 0 for the pixel's main hit, which comes first; counts the others up from 1
+
+  /// Key of its random numbers.
+  std::uint64_t key(const SampleKey& sample, Purpose purpose) const noexcept {
+    const std::uint64_t of_pixel = sample.of_pixel(pixel, purpose);
+    return layer == 0 ? of_pixel : hash_keys(of_pixel, layer);
+  }
+
+  /// Adds the radiance that leaves it to an image, where the main hit overwrites what was there.
+  void show(Image& image, const glm::vec3& L) const noexcept {
+    glm::vec3& to = image.pixels[pixel];
+    to = layer == 0 ? weight * L : to + weight * L;
+  }
 };
 
 /// Calls f(pixel index) for every pixel of a tile, row by row.
@@ -60,16 +109,54 @@ void for_each_pixel_coarse_to_fine(const Tile& tile, int width, F&& f) {
   }
 }
 
-/// Whether a hit reflects any light, so that irradiance matters there.
-inline bool reflects(const RayTracer& rays, const Hit& hit) noexcept {
-  return !hit.missed() && rays.material(hit).albedo != glm::vec3(0.0f);
+/// Calls f(Visible) for everything that a tile sees; `each_pixel(tile, width, g)` sets the order of pixels.
+template <class EachPixel, class F>
+void for_each_visible(const Tile& tile, const PrimaryHits& primary, EachPixel&& each_pixel, F&& f) {
+  if (primary.is_plain()) {
+    each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
+      f(Visible{primary.hits[pixel], glm::vec3(1.0f), pixel, 0});
+    });
+    return;
+  }
+  each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
+    f(Visible{primary.hits[pixel], primary.weights[pixel], pixel, 0});
+    std::uint32_t layer = 0;
+    for (const WeightedHit& extra : primary.extra[pixel]) f(Visible{extra.hit, extra.weight, pixel, ++layer});
+  });
 }
 
-/// First hit of one pixel's ray.
+/// Row by row.
+template <class F>
+void for_each_visible(const Tile& tile, const PrimaryHits& primary, F&& f) {
+  for_each_visible(
+      tile, primary, [](const Tile& t, int width, auto&& g) { for_each_pixel(t, width, g); }, f);
+}
+
+/// From coarse to fine, as for_each_pixel_coarse_to_fine.
+template <class F>
+void for_each_visible_coarse_to_fine(const Tile& tile, const PrimaryHits& primary, F&& f) {
+  for_each_visible(
+      tile, primary, [](const Tile& t, int width, auto&& g) { for_each_pixel_coarse_to_fine(t, width, g); },
+      f);
+}
+
+/// Whether a hit reflects light diffusely, so that irradiance matters there.
+inline bool reflects(const RayTracer& rays, const Hit& hit) noexcept {
+  return !hit.missed() && !rays.material(hit).is_specular() && rays.albedo(hit) != glm::vec3(0.0f);
+}
+
+/// Ray through a random point of a pixel.
+Ray jittered_ray(const CameraView& view, int x, int y, Pcg32& random) noexcept;
+
+/// First hit of one pixel's ray, be it specular.
 Hit primary_hit(Tracer& tracer, const CameraView& view, Lens lens, const SampleKey& key, int x, int y,
                 std::uint32_t pixel) noexcept;
 
-/// Fills a tile of `out`.
+/// Overwrites `out` with the diffuse surfaces that a ray of unit direction sees, through mirrors and dielectrics; what
+/// neither emits towards the ray nor reflects is left out if it is not the first hit. Out of memory ends the program.
+void trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<WeightedHit>& out) noexcept;
+
+/// Fills a tile of `out`, which has room for this scene. Tiles of one image may be filled at once.
 void primary_tile(Tracer& tracer, const CameraView& view, Lens lens, const SampleKey& key, const Tile& tile,
                   PrimaryHits& out) noexcept;
 

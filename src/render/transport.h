@@ -20,9 +20,27 @@ namespace icbench {
 
 /// Light that reaches a point unless something lies on the ray.
 struct LightProposal {
-  Ray shadow;   ///< from the point to the light, t_max 1
+  Ray shadow;   ///< from the point to the light, t_max 1 at most
   glm::vec3 E;  ///< irradiance estimate, weighted, W/m^2
 };
+
+/// Irradiance that a point light, drawn with probability light.pdf_area, brings to `at` (I cos / d^2). Within epsilon
+/// of the light the distance counts as epsilon, and the ray ends that much before it, so that a light in a surface
+/// is not hidden by that.
+inline bool propose_point_light(const RayTracer& rays, const Hit& at, const LightPoint& light,
+                                LightProposal& out) noexcept {
+  const glm::vec3 d = light.p - at.p;
+  const float along_n = glm::dot(d, at.n);
+  if (!(along_n > 0.0f && glm::dot(d, at.ng) > 0.0f)) return false;
+  const float distance = std::max(glm::length(d), rays.epsilon());
+  if (!std::isfinite(distance)) return false;  // farther than float reaches
+  const float falloff = spot_falloff(*light.point, -glm::dot(d, light.n) / distance);
+  if (!(falloff > 0.0f)) return false;
+  const glm::vec3 from = rays.leave(at.p, at.ng);
+  out.shadow = {from, 1.0f - rays.epsilon() / distance, light.p - from};
+  out.E = falloff * (along_n / distance) / (distance * distance) / light.pdf_area * light.emission;
+  return true;
+}
 
 /// Draws a point on the lights for `at`, where a cosine ray is traced with probability q. False if it cannot
 /// contribute: no lights, or one of the two faces away.
@@ -32,6 +50,7 @@ inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& 
   if (lights.empty()) return false;
   const float u_light = random.uniform(), u1 = random.uniform(), u2 = random.uniform();
   const LightPoint light = lights.sample(u_light, u1, u2);
+  if (light.point) return propose_point_light(rays, at, light, out);
   const glm::vec3 d = light.p - at.p;
   const float along_n = glm::dot(d, at.n), along_light = -glm::dot(d, light.n);
   if (!(along_n > 0.0f && along_light > 0.0f && glm::dot(d, at.ng) > 0.0f)) return false;

@@ -44,15 +44,26 @@ Mesh import_mesh(const std::filesystem::path& file, std::string name, std::uint3
   return mesh;
 }
 
-Mesh stanford_bunny(std::uint32_t material) {
+namespace {
+
+Mesh load_bunny() {
   if (!std::filesystem::exists(kBunnyFile))
     throw std::runtime_error(
         fmt::format("the bunny is missing at {}; install the Debian package glmark2-data", kBunnyFile));
-  Mesh mesh = import_mesh(kBunnyFile, "bunny", material);
+  Mesh mesh = import_mesh(kBunnyFile, "bunny", 0);
   const Bounds b = bounds_of(mesh);
   const float scale = 1.0f / (b.upper.y - b.lower.y);
   const glm::vec3 foot(0.5f * (b.lower.x + b.upper.x), b.lower.y, 0.5f * (b.lower.z + b.upper.z));
   place(mesh, scale, 0.0f, -scale * foot);
+  return mesh;
+}
+
+}  // namespace
+
+Mesh stanford_bunny(std::uint32_t material) {
+  static const Mesh loaded = load_bunny();
+  Mesh mesh = loaded;
+  mesh.material = material;
   return mesh;
 }
 

@@ -13,7 +13,7 @@ namespace icbench {
 Mesh import_mesh(const std::filesystem::path& file, std::string name, std::uint32_t material);
 
 /// The Stanford bunny of the Debian package glmark2-data (69,666 triangles), 1 m high, standing on the origin
-/// and looking along -x. The error names the package if the file is absent.
+/// and looking along -x. Read once, then copied. The error names the package if the file is absent.
 Mesh stanford_bunny(std::uint32_t material);
 
 }  // namespace icbench

@@ -3,11 +3,50 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numbers>
 #include <numeric>
 
+#include "scene/directions.h"
 #include "scene/scene.h"
 
 namespace icbench {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+float smooth_step(float t) noexcept { return t * t * (3.0f - 2.0f * t); }
+
+// t in [0, 1] up to which lies the share u of the area under smooth_step: the root of t^3 (2 - t) = u. Newton's steps
+// come down to it from cbrt(u), where the function, convex in between, is no smaller.
+float smooth_step_quantile(float u) noexcept {
+  if (!(u > 0.0f)) return 0.0f;
+  float t = std::cbrt(u);
+  for (int i = 0; i < 4; ++i) t -= (t * t * t * (2.0f - t) - u) / (t * t * (6.0f - 4.0f * t));
+  return std::clamp(t, 0.0f, 1.0f);
+}
+
+// Flux over the intensity along the axis, sr.
+double solid_angle(const PointLight& light) noexcept {
+  return 2.0 * kPi * (1.0 - 0.5 * (static_cast<double>(light.cos_inner) + light.cos_outer));
+}
+
+// A direction with density proportional to the intensity.
+glm::vec3 spot_direction(const PointLight& light, float u_cosine, float u_azimuth) noexcept {
+  const float full = 1.0f - light.cos_inner, edge = light.cos_inner - light.cos_outer;
+  const float u = u_cosine * (full + 0.5f * edge);
+  const float cosine =
+      u <= full ? 1.0f - u : light.cos_outer + edge * smooth_step_quantile(2.0f * (u - full) / edge);
+  return direction_at(Basis(light.axis), std::clamp(cosine, -1.0f, 1.0f), u_azimuth);
+}
+
+}  // namespace
+
+float spot_falloff(const PointLight& light, float cosine) noexcept {
+  if (!(cosine > -1.0f)) cosine = -1.0f;
+  if (cosine >= light.cos_inner) return 1.0f;
+  if (cosine <= light.cos_outer) return 0.0f;
+  return smooth_step((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));
+}
 
 LightTable::LightTable(const Scene& scene, float frame) {
   std::vector<double> powers;
@@ -22,28 +61,35 @@ LightTable::LightTable(const Scene& scene, float frame) {
       const glm::vec3 e2 = pose(mesh.positions[t.z]) - p0;
       const glm::vec3 cross = glm::cross(e1, e2);
       const float length = glm::length(cross);
-      lights_.push_back({p0, e1, e2, cross / length, material.emission, 1.0f, 0});
-      powers.push_back(0.5 * length * power_share(material.emission));
+      if (!(length > 0.0f)) continue;  // a deforming mesh may have triangles without area for a while
+      areas_.push_back({p0, e1, e2, cross / length, material.emission});
+      powers.push_back(0.5 * length * channel_sum(material.emission));
     }
   }
-  if (!lights_.empty()) build_alias_table(powers);
+  for (const PointLight& light : scene.point_lights) {
+    const double power = solid_angle(light) / kPi * channel_sum(light.intensity);
+    if (!(power > 0.0)) continue;
+    points_.push_back(light);
+    powers.push_back(power);
+  }
+  if (!powers.empty()) build_alias_table(powers);
 }
 
 void LightTable::build_alias_table(const std::vector<double>& powers) {
   const double total = std::accumulate(powers.begin(), powers.end(), 0.0);
   inverse_power_ = static_cast<float>(1.0 / total);
+  table_.resize(powers.size());
   std::vector<double> share(powers.size());  // 1 is the average
   std::vector<std::uint32_t> below, above;
   for (std::uint32_t i = 0; i < share.size(); ++i) {
     share[i] = powers[i] / total * static_cast<double>(powers.size());
-    lights_[i].alias = i;
+    table_[i] = {1.0f, i};
     (share[i] < 1.0 ? below : above).push_back(i);
   }
   while (!below.empty() && !above.empty()) {
     const std::uint32_t small = below.back(), large = above.back();
     below.pop_back();
-    lights_[small].keep = static_cast<float>(share[small]);
-    lights_[small].alias = large;
+    table_[small] = {static_cast<float>(share[small]), large};
     share[large] -= 1.0 - share[small];
     if (share[large] < 1.0) {
       above.pop_back();
@@ -54,13 +100,30 @@ void LightTable::build_alias_table(const std::vector<double>& powers) {
 
 LightPoint LightTable::sample(float u_light, float u1, float u2) const noexcept {
   // In double: 24 random bits times the table size leave too few bits for the fraction in float.
-  const double scaled = static_cast<double>(u_light) * static_cast<double>(lights_.size());
-  const auto entry = std::min(static_cast<std::size_t>(scaled), lights_.size() - 1);
-  const bool keep = scaled - static_cast<double>(entry) < static_cast<double>(lights_[entry].keep);
-  const Light& light = keep ? lights_[entry] : lights_[lights_[entry].alias];
-  const float root = std::sqrt(u1);
-  const glm::vec3 p = light.p0 + (root * (1.0f - u2)) * light.e1 + (root * u2) * light.e2;
-  return {p, light.n, light.emission, pdf_area(light.emission)};
+  const double scaled = static_cast<double>(u_light) * static_cast<double>(table_.size());
+  auto entry = std::min(static_cast<std::size_t>(scaled), table_.size() - 1);
+  if (!(scaled - static_cast<double>(entry) < static_cast<double>(table_[entry].keep)))
+    entry = table_[entry].alias;
+  if (entry < areas_.size()) {
+    const AreaLight& light = areas_[entry];
+    const float root = std::sqrt(u1);
+    const glm::vec3 p = light.p0 + (root * (1.0f - u2)) * light.e1 + (root * u2) * light.e2;
+    return {p, light.n, light.emission, pdf_area(light.emission)};
+  }
+  const PointLight& light = points_[entry - areas_.size()];
+  const auto probability =
+      static_cast<float>(solid_angle(light) / kPi * channel_sum(light.intensity) * inverse_power_);
+  return {light.p, light.axis, light.intensity, probability, &light};
+}
+
+EmittedRay LightTable::emit(float u_light, float u1, float u2, float v1, float v2) const noexcept {
+  const LightPoint from = sample(u_light, u1, u2);
+  // Lights are drawn by power, so power over probability is the same for all, apart from colour; here it is written
+  // with what both kinds share.
+  const glm::vec3 power = std::numbers::pi_v<float> / pdf_area(from.emission) * from.emission;
+  if (!from.point) return {from.p, from.n, cosine_direction(Basis(from.n), v1, v2), power, true};
+  const glm::vec3 d = spot_direction(*from.point, v1, v2);
+  return {from.p, d, d, power, false};
 }
 
 }  // namespace icbench

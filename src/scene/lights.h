@@ -1,9 +1,11 @@
-// Area lights: every emitting triangle, drawn with probability proportional to its power.
+// The lights of a scene: every emitting triangle and every point light, drawn with probability proportional to its
+// power.
 //
-// Cost: one alias-table look-up per sample whatever the number of triangles (Walker 1977; Vose 1991); the
-// density of a point hit by chance follows from its emission alone.
+// Cost: one alias-table look-up per sample whatever the number of lights (Walker 1977; Vose 1991); the density of a
+// point on an area light hit by chance follows from its emission alone.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <vector>
@@ -12,47 +14,80 @@ namespace icbench {
 
 struct Scene;
 
+/// A light without extent, or a spot light.
+struct PointLight {
+  glm::vec3 p{0.0f};                  ///< metres
+  glm::vec3 intensity{0.0f};          ///< along the axis of a spot light, RGB >= 0, W/sr
+  glm::vec3 axis{0.0f, -1.0f, 0.0f};  ///< unit
+  float cos_inner = -1.0f;            ///< full intensity where the cosine to the axis is at least this
+  float cos_outer = -1.0f;            ///< none below this, smooth between; -1 both: shines everywhere
+
+  bool operator==(const PointLight&) const = default;
+};
+
 /// A point on a light.
 struct LightPoint {
   glm::vec3 p;         ///< metres
-  glm::vec3 n;         ///< unit geometric normal, on the emitting side
-  glm::vec3 emission;  ///< W/(m^2 sr)
-  float pdf_area;      ///< density with which it is drawn, 1/m^2
+  glm::vec3 n;         ///< unit geometric normal, on the emitting side; a point light's axis
+  glm::vec3 emission;  ///< W/(m^2 sr); of a point light its intensity along the axis, W/sr
+  float pdf_area;      ///< density with which it is drawn, 1/m^2; of a point light its probability
+  const PointLight* point = nullptr;  ///< the point light, which no ray can meet; null on an area light
 };
+
+/// The start of a light path.
+struct EmittedRay {
+  glm::vec3 p;  ///< on the light, metres
+  glm::vec3 n;  ///< unit geometric normal, on the emitting side; of a point light the direction itself
+  glm::vec3 d;  ///< unit direction
+  glm::vec3
+      power;  ///< flux it carries over the density of drawing it, W: the mean over draws is the total flux
+  bool on_surface;  ///< false: it starts at a point light, away from any surface
+};
+
+/// Share of its axial intensity that a light sends in a direction, in [0, 1]: 1 inside the inner cone, 0 outside the
+/// outer one, between them a smooth step of the cosine. Not finite cosines count as -1.
+float spot_falloff(const PointLight& light, float cosine) noexcept;
 
 class LightTable {
  public:
   LightTable() = default;
 
-  /// All emitting triangles of a checked scene, with rigid meshes where they stand at a frame.
+  /// All lights of a checked scene that emit anything, with rigid meshes where they stand at a frame.
   LightTable(const Scene& scene, float frame);
 
-  bool empty() const noexcept { return lights_.empty(); }
-  std::size_t size() const noexcept { return lights_.size(); }
+  bool empty() const noexcept { return table_.empty(); }
+  std::size_t size() const noexcept { return table_.size(); }  ///< triangles and point lights
 
-  /// Draws a point from three numbers uniform in [0, 1). The table must not be empty.
+  /// Draws a point from three numbers uniform in [0, 1). The table must not be empty. The result refers to the table.
   LightPoint sample(float u_light, float u1, float u2) const noexcept;
 
-  /// Density, 1/m^2, with which `sample` draws any one point that emits this radiance.
-  float pdf_area(const glm::vec3& emission) const noexcept { return power_share(emission) * inverse_power_; }
+  /// Density, 1/m^2, with which `sample` draws any one point of an area light that emits this radiance.
+  float pdf_area(const glm::vec3& emission) const noexcept { return channel_sum(emission) * inverse_power_; }
+
+  /// Draws the start of a light path from five numbers uniform in [0, 1): the light, two for the point, two for the
+  /// direction. The direction has the light's own distribution, so that all of a colour carry the same power. The table
+  /// must not be empty.
+  EmittedRay emit(float u_light, float u1, float u2, float v1, float v2) const noexcept;
 
  private:
-  struct Light {
+  struct AreaLight {
     glm::vec3 p0, e1, e2;
     glm::vec3 n;
     glm::vec3 emission;
+  };
+  struct Entry {
     float keep;           // probability of staying with this entry of the alias table
     std::uint32_t alias;  // the entry taken otherwise
   };
 
-  static float power_share(const glm::vec3& emission) noexcept {
-    return emission.x + emission.y + emission.z;
-  }
+  static float channel_sum(const glm::vec3& rgb) noexcept { return rgb.x + rgb.y + rgb.z; }
 
   void build_alias_table(const std::vector<double>& powers);
 
-  std::vector<Light> lights_;
-  float inverse_power_ = 0.0f;  // 1 / sum of area times power_share
+  std::vector<Entry> table_;  // of the area lights, then the point lights
+  std::vector<AreaLight> areas_;
+  std::vector<PointLight> points_;
+  float inverse_power_ = 0.0f;  // 1 / sum of powers, in units of pi W: area times radiance
 };
 
 }  // namespace icbench

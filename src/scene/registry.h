@@ -11,6 +11,20 @@
 namespace icbench {
 
 Scene cornell_box();
+Scene wobble();
+Scene desk();
+Scene bunnies_1();
+Scene bunnies_2();
+Scene bunnies_4();
+Scene bunnies_9();
+Scene cornell_specular();
+Scene cornell_indirect();
+Scene cornell_camera();
+Scene cornell_lamp();
+Scene cornell_paint();
+Scene conference();
+Scene sibenik();
+Scene office();
 Scene white_furnace();
 Scene lit_floor();
 
@@ -22,7 +36,24 @@ struct SceneEntry {
 };
 
 inline constexpr std::array kScenes{
-    SceneEntry{"cornell_box", "Cornell box with the Stanford bunny and a Venus statue", false, cornell_box},
+    SceneEntry{"cornell_box", "Cornell box: the Stanford bunny runs round a Venus statue", false,
+               cornell_box},
+    SceneEntry{"wobble", "room with a column that a sine wave runs up: a deforming mesh", false, wobble},
+    SceneEntry{"desk", "study with a desk; a swivel chair rolls about", false, desk},
+    SceneEntry{"bunnies_1", "room with a bouncing bunny", false, bunnies_1},
+    SceneEntry{"bunnies_2", "the same room with 2 bouncing bunnies", false, bunnies_2},
+    SceneEntry{"bunnies_4", "the same room with 4 bouncing bunnies", false, bunnies_4},
+    SceneEntry{"bunnies_9", "the same room with 9 bouncing bunnies", false, bunnies_9},
+    SceneEntry{"cornell_specular", "Cornell box with a mirror, a glass ball and a running bunny", false,
+               cornell_specular},
+    SceneEntry{"cornell_indirect", "Cornell box whose lamp shines at the ceiling", false, cornell_indirect},
+    SceneEntry{"cornell_camera", "Cornell box that the camera flies about", false, cornell_camera},
+    SceneEntry{"cornell_lamp", "Cornell box whose lamp dims and changes colour; a spot light sweeps", false,
+               cornell_lamp},
+    SceneEntry{"cornell_paint", "Cornell box with a wall that changes its paint", false, cornell_paint},
+    SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false, conference},
+    SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false, sibenik},
+    SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
                white_furnace},
     SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true,

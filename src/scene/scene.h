@@ -85,17 +85,6 @@ struct Mesh {
   bool moves() const noexcept { return pose || deform; }
 };
 
-/// A light without extent, or a spot light.
-struct PointLight {
-  glm::vec3 p{0.0f};                  ///< metres
-  glm::vec3 intensity{0.0f};          ///< along the axis of a spot light, RGB >= 0, W/sr
-  glm::vec3 axis{0.0f, -1.0f, 0.0f};  ///< unit
-  float cos_inner = -1.0f;            ///< full intensity where the cosine to the axis is at least this
-  float cos_outer = -1.0f;            ///< none below this, smooth between; -1 both: shines everywhere
-
-  bool operator==(const PointLight&) const = default;
-};
-
 struct Camera {
   glm::vec3 eye{0.0f, 0.0f, 1.0f};
   glm::vec3 target{0.0f};

@@ -3,9 +3,11 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
+#include <glm/gtc/matrix_inverse.hpp>
 #include <map>
 #include <numbers>
 #include <utility>
+#include <vector>
 
 namespace icbench {
 
@@ -70,6 +72,103 @@ Mesh icosphere(std::string name, const glm::vec3& centre, float radius, int leve
   return mesh;
 }
 
+Mesh ball(std::string name, const glm::vec3& centre, float radius, int levels, std::uint32_t material) {
+  Mesh mesh = icosphere(std::move(name), centre, radius, levels, material);
+  for (const glm::vec3& p : mesh.positions) mesh.normals.push_back(glm::normalize(p - centre));
+  return mesh;
+}
+
+Mesh rounded_box(std::string name, const Bounds& bounds, float radius, int segments, std::uint32_t material) {
+  Mesh mesh{std::move(name), {}, {}, {}, material};
+  const auto arc = static_cast<std::uint32_t>(segments + 1);
+  // (sine, cosine) along a quarter circle; its ends are exact, so that neighbouring pieces meet in the same points.
+  std::vector<glm::vec2> quarter(arc);
+  for (std::uint32_t i = 0; i < arc; ++i) {
+    const float phi = 0.5f * std::numbers::pi_v<float> * static_cast<float>(i) / static_cast<float>(segments);
+    quarter[i] = {std::sin(phi), std::cos(phi)};
+  }
+  quarter.front() = {0.0f, 1.0f};
+  quarter.back() = {1.0f, 0.0f};
+  // Rows from the top to the bottom, columns round the vertical axis, of a sphere cut into octants that sit in the
+  // box's corners.
+  const std::uint32_t rows = 2 * arc, columns = 4 * arc;
+  for (std::uint32_t r = 0; r < rows; ++r)
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      const glm::vec2 polar = r < arc ? quarter[r] : quarter[rows - 1 - r];
+      const glm::vec2 around = quarter[c % arc];
+      const std::uint32_t quadrant = c / arc;
+      const bool left = quadrant == 1 || quadrant == 2, front = quadrant < 2, top = r < arc;
+      const glm::vec2 xz = (quadrant & 1) ? around : glm::vec2(around.y, around.x);
+      const glm::vec3 n((left ? -polar.x : polar.x) * xz.x, top ? polar.y : -polar.y,
+                        (front ? polar.x : -polar.x) * xz.y);
+      const glm::vec3 corner(left ? bounds.lower.x + radius : bounds.upper.x - radius,
+                             top ? bounds.upper.y - radius : bounds.lower.y + radius,
+                             front ? bounds.upper.z - radius : bounds.lower.z + radius);
+      mesh.positions.push_back(corner + radius * n);
+      mesh.normals.push_back(glm::normalize(n));
+    }
+  const auto add = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+    const auto& p = mesh.positions;
+    if (p[a] != p[b] && p[b] != p[c] && p[c] != p[a]) mesh.triangles.emplace_back(a, b, c);
+  };
+  for (std::uint32_t r = 0; r + 1 < rows; ++r)
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      const std::uint32_t next = (c + 1) % columns;
+      const std::uint32_t a = r * columns + c, b = r * columns + next;
+      add(a, b, b + columns);
+      add(a, b + columns, a + columns);
+    }
+  const std::uint32_t last = (rows - 1) * columns;
+  for (std::uint32_t k = 1; k < 3; ++k) {
+    add(0, (k + 1) * arc, k * arc);
+    add(last, last + k * arc, last + (k + 1) * arc);
+  }
+  return mesh;
+}
+
+Mesh tube(std::string name, std::span<const glm::vec3> path, float radius, int segments,
+          std::uint32_t material) {
+  Mesh mesh{std::move(name), {}, {}, {}, material};
+  const auto n = static_cast<std::uint32_t>(segments);
+  const std::size_t last = path.size() - 1;
+  glm::vec3 side(0.0f);
+  const auto add_ring = [&](std::size_t at, const glm::vec3& along, const glm::vec3* flat) {
+    const glm::vec3 up = glm::cross(along, side);
+    for (std::uint32_t s = 0; s < n; ++s) {
+      const float phi =
+          2.0f * std::numbers::pi_v<float> * static_cast<float>(s) / static_cast<float>(segments);
+      const glm::vec3 out = std::cos(phi) * side + std::sin(phi) * up;
+      mesh.positions.push_back(path[at] + radius * out);
+      mesh.normals.push_back(flat ? *flat : glm::normalize(out));
+    }
+  };
+  const auto add_end = [&](std::size_t at, const glm::vec3& along, bool far) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    const glm::vec3 flat = far ? along : -along;
+    add_ring(at, along, &flat);
+    for (std::uint32_t s = 1; s + 1 < n; ++s)
+      mesh.triangles.emplace_back(first, first + (far ? s : s + 1), first + (far ? s + 1 : s));
+  };
+  glm::vec3 along(0.0f);
+  for (std::size_t i = 0; i <= last; ++i) {
+    const glm::vec3 back = i > 0 ? glm::normalize(path[i] - path[i - 1]) : glm::vec3(0.0f);
+    const glm::vec3 ahead = i < last ? glm::normalize(path[i + 1] - path[i]) : glm::vec3(0.0f);
+    along = glm::normalize(back + ahead);
+    if (i == 0) side = std::abs(along.y) < 0.9f ? glm::vec3(0, 1, 0) : glm::vec3(1, 0, 0);
+    side = glm::normalize(side - glm::dot(side, along) * along);  // turns no more than the path does
+    if (i == 0) add_end(0, along, false);
+    add_ring(i, along, nullptr);
+    const auto row = static_cast<std::uint32_t>(mesh.positions.size()) - n;
+    for (std::uint32_t s = 0; i > 0 && s < n; ++s) {
+      const std::uint32_t a = row - n + s, b = row - n + (s + 1) % n;
+      mesh.triangles.emplace_back(a, b, b + n);
+      mesh.triangles.emplace_back(a, b + n, a + n);
+    }
+  }
+  add_end(last, along, true);
+  return mesh;
+}
+
 Mesh revolve(std::string name, const glm::vec3& base, std::span<const glm::vec2> profile, int segments,
              std::uint32_t material) {
   Mesh mesh{std::move(name), {}, {}, {}, material};
@@ -107,6 +206,38 @@ void place(Mesh& mesh, float scale, float angle, const glm::vec3& shift) {
   const auto turn = [&](const glm::vec3& v) { return glm::vec3(c * v.x + s * v.z, v.y, c * v.z - s * v.x); };
   for (glm::vec3& p : mesh.positions) p = scale * turn(p) + shift;
   for (glm::vec3& n : mesh.normals) n = turn(n);
+}
+
+void place(Mesh& mesh, const Pose& pose) {
+  const glm::mat3 normals = glm::inverseTranspose(pose.linear);
+  for (glm::vec3& p : mesh.positions) p = pose(p);
+  for (glm::vec3& n : mesh.normals) n = glm::normalize(normals * n);
+}
+
+namespace {
+
+// Gives a mesh without normals those of its triangles.
+void facet(Mesh& mesh) {
+  Mesh flat{std::move(mesh.name), {}, {}, {}, mesh.material};
+  for (const glm::uvec3& t : mesh.triangles) {
+    const glm::vec3 a = mesh.positions[t.x], b = mesh.positions[t.y], c = mesh.positions[t.z];
+    const auto first = static_cast<std::uint32_t>(flat.positions.size());
+    flat.positions.insert(flat.positions.end(), {a, b, c});
+    flat.normals.insert(flat.normals.end(), 3, glm::normalize(glm::cross(b - a, c - a)));
+    flat.triangles.emplace_back(first, first + 1, first + 2);
+  }
+  mesh = std::move(flat);
+}
+
+}  // namespace
+
+void append(Mesh& mesh, Mesh part) {
+  if (mesh.normals.empty() && !part.normals.empty()) facet(mesh);
+  if (!mesh.normals.empty() && part.normals.empty()) facet(part);
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
+  mesh.normals.insert(mesh.normals.end(), part.normals.begin(), part.normals.end());
+  for (const glm::uvec3& t : part.triangles) mesh.triangles.push_back(t + glm::uvec3(first));
 }
 
 Bounds bounds_of(const Mesh& mesh) {

@@ -92,23 +92,30 @@ float figure(const vec3& p) {
   return d;
 }
 
+Mesh sculpt() {
+  constexpr float kHeads = 8.25f;
+  const Bounds bounds{{-1.3f, -0.1f, -1.2f}, {1.3f, kHeads + 0.1f, 1.2f}};
+  Mesh mesh = mesh_implicit("venus", figure, bounds, 0.04f, 0);
+  place(mesh, 1.0f / kHeads, 0.0f, vec3(0.0f));
+  return mesh;
+}
+
 }  // namespace
 
 Mesh venus(std::uint32_t material) {
-  constexpr float kHeads = 8.25f;
-  const Bounds bounds{{-1.3f, -0.1f, -1.2f}, {1.3f, kHeads + 0.1f, 1.2f}};
-  Mesh mesh = mesh_implicit("venus", figure, bounds, 0.04f, material);
-  place(mesh, 1.0f / kHeads, 0.0f, vec3(0.0f));
+  static const Mesh sculpted = sculpt();
+  Mesh mesh = sculpted;
+  mesh.material = material;
   return mesh;
 }
 
 Mesh pedestal(float height, std::uint32_t material) {
   // (radius, height), both in shares of the height; repeated points are creases.
-  static constexpr glm::vec2 kProfile[] = {{0.66f, 0.00f}, {0.66f, 0.14f}, {0.66f, 0.14f}, {0.62f, 0.17f},
-                                           {0.55f, 0.20f}, {0.51f, 0.25f}, {0.50f, 0.30f}, {0.50f, 0.30f},
-                                           {0.48f, 0.50f}, {0.48f, 0.75f}, {0.48f, 0.75f}, {0.50f, 0.80f},
-                                           {0.55f, 0.84f}, {0.60f, 0.86f}, {0.60f, 0.86f}, {0.60f, 1.00f},
-                                           {0.60f, 1.00f}, {0.30f, 1.00f}, {0.00f, 1.00f}};
+  static constexpr glm::vec2 kProfile[] = {
+      {0.00f, 0.00f}, {0.66f, 0.00f}, {0.66f, 0.00f}, {0.66f, 0.14f}, {0.66f, 0.14f}, {0.62f, 0.17f},
+      {0.55f, 0.20f}, {0.51f, 0.25f}, {0.50f, 0.30f}, {0.50f, 0.30f}, {0.48f, 0.50f}, {0.48f, 0.75f},
+      {0.48f, 0.75f}, {0.50f, 0.80f}, {0.55f, 0.84f}, {0.60f, 0.86f}, {0.60f, 0.86f}, {0.60f, 1.00f},
+      {0.60f, 1.00f}, {0.30f, 1.00f}, {0.00f, 1.00f}};
   Mesh mesh = revolve("pedestal", vec3(0.0f), kProfile, 96, material);
   place(mesh, height, 0.0f, vec3(0.0f));
   return mesh;

@@ -31,7 +31,7 @@ double figure(MetricFunction metric, const Image& reference, const Image& image)
 }  // namespace
 
 PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
-  PrimaryHits primary(width, height);
+  PrimaryHits primary(rays.scene(), width, height);
   const CameraView view(rays.scene().camera, width, height);
   for_all_tiles(rays, width, height, [&](const Tile& tile, Tracer& tracer) {
     primary_tile(tracer, view, Lens::centre, {}, tile, primary);
@@ -68,12 +68,10 @@ RayTracedPlan::RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, co
       reference_(&reference),
       tiles_(make_tiles(primary.width, primary.height, kTile, spec.tiles, seed)) {}
 
-IrradianceCacheParams RayTracedPlan::params(std::uint64_t seed) const noexcept {
-  IrradianceCacheParams params;
-  params.strata = Strata::for_rays(spec_.rays);
-  params.limits = RadiusLimits::for_scene(rays_->scene().bounds, kMinRadiusOfDiagonal, kMaxRadiusOfDiagonal);
-  params.key = SampleKey{seed, 0, 0};
-  return params;
+std::unique_ptr<RecordSource> RayTracedPlan::source() const {
+  return std::make_unique<HemisphereSource>(Strata::for_rays(spec_.rays),
+                                            radius_limits(rays_->scene().bounds),
+                                            RecordNames(rays_->scene(), primary_->width, primary_->height));
 }
 
 CacheConfig RayTracedPlan::config(unsigned threads) const {
@@ -82,7 +80,7 @@ CacheConfig RayTracedPlan::config(unsigned threads) const {
   config.a_max = spec_.a;
   config.a = spec_.a;
   config.max_sessions = threads;
-  config.capacity = capacity_for(primary_->hits.size(), threads);  // at worst every pixel is a record
+  config.capacity = capacity_for(primary_->count(), threads);  // at worst every hit is a record
   return config;
 }
 
@@ -92,8 +90,11 @@ std::uint64_t RayTracedPlan::records_of_one_thread(std::uint64_t seed) const {
   Tracer tracer(*rays_);
   CacheUse use;
   Image indirect = make_image(primary_->width, primary_->height);
-  const IrradianceCacheParams p = params(seed);
-  for (const Tile& tile : tiles_) irradiance_cache_tile(session, tracer, *primary_, p, tile, indirect, use);
+  const std::unique_ptr<RecordSource> records = source();
+  for (const Tile& tile : tiles_) {
+    irradiance_cache_tile(session, *records, 0, tracer, *primary_, SampleKey{seed, 0, 0}, tile, indirect,
+                          use);
+  }
   return use.inserts;
 }
 
@@ -119,7 +120,7 @@ TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) 
   out.wall_ns = static_cast<double>(times.wall_ns());
   out.cpu_ns = static_cast<double>(times.cpu_ns());
   for (const auto& tracer : tracers) out.rays += tracer->counts;
-  out.operations = primary.hits.size() * plan.spec().spp;
+  out.operations = primary.count() * plan.spec().spp;
   plan.judge(indirect, out);
   return out;
 }

@@ -1,0 +1,63 @@
+#include "render/specular.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+
+namespace icbench {
+
+float fresnel(float cosine, float eta) noexcept {
+  const float sine2 = (1.0f - cosine) * (1.0f + cosine) / (eta * eta);  // beyond the boundary
+  if (!(sine2 < 1.0f)) return 1.0f;
+  const float beyond = std::sqrt(1.0f - std::max(sine2, 0.0f));
+  const float parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
+  const float perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
+  const float share = 0.5f * (parallel * parallel + perpendicular * perpendicular);
+  return share < 1.0f ? share : 1.0f;  // also where an index near 0 leaves 0 / 0
+}
+
+SpecularSplit split_specular(const Material& material, const Hit& hit, const glm::vec3& d) noexcept {
+  const auto about = [&](const glm::vec3& n) {
+    const float cosine = std::clamp(-glm::dot(d, n), 0.0f, 1.0f);
+    SpecularSplit out{glm::normalize(d + 2.0f * cosine * n), d, 1.0f, 1.0f};
+    if (material.surface == Surface::mirror) return out;
+    const float eta = hit.front ? material.ior : 1.0f / material.ior;
+    out.reflectance = fresnel(cosine, eta);
+    if (out.reflectance == 1.0f) return out;
+    const float sine2 = (1.0f - cosine) * (1.0f + cosine) / (eta * eta);
+    out.refracted = glm::normalize(d / eta + (cosine / eta - std::sqrt(1.0f - sine2)) * n);
+    out.through_factor = 1.0f / (eta * eta);
+    return out;
+  };
+  if (const SpecularSplit shaded = about(hit.n);
+      glm::dot(d, hit.n) < 0.0f && glm::dot(shaded.reflected, hit.ng) > 0.0f &&
+      (shaded.reflectance == 1.0f || glm::dot(shaded.refracted, hit.ng) < 0.0f))
+    return shaded;
+  return about(hit.ng);
+}
+
+bool scatter_specular(const RayTracer& rays, const Hit& hit, const glm::vec3& d, std::uint32_t bounces,
+                      Pcg32& random, glm::vec3& weight, Ray& onward) noexcept {
+  const SpecularSplit split = split_specular(rays.material(hit), hit, d);
+  const glm::vec3 albedo = rays.albedo(hit);
+  weight *= albedo;
+  if (split.reflectance == 1.0f || random.uniform() < split.reflectance) {
+    onward = reflected_ray(rays, hit, split);
+  } else {
+    onward = refracted_ray(rays, hit, split);
+    weight *= split.through_factor;
+  }
+  if (bounces < kSureBounces) return weight != glm::vec3(0.0f);
+  const float q = std::min(kMaxSpecularSurvival, std::max({albedo.x, albedo.y, albedo.z}));
+  if (!(random.uniform() < q)) return false;
+  weight /= q;
+  return true;
+}
+
+Hit missed_hit() noexcept {
+  Hit hit{};
+  hit.t = std::numeric_limits<float>::infinity();
+  return hit;
+}
+
+}  // namespace icbench
