@@ -9,6 +9,10 @@ import redundant_records
 import speed_error
 import speedup
 import steps
+import thesis_equal_error
+import thesis_frame_times
+import thesis_mechanisms
+import thesis_vpls
 import throughput
 import utilisation
 import witness
@@ -18,3 +22,5 @@ FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, content
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
+# Of what bench/tables measured.
+THESIS_FIGURES = [module.FIGURE for module in (thesis_vpls, thesis_frame_times, thesis_equal_error, thesis_mechanisms)]

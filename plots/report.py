@@ -2,10 +2,8 @@
 """Builds report.html, one self-contained page, and all figures from results files of icbench."""
 from __future__ import annotations
 
-import base64
 import io
 import json
-import re
 import shlex
 import sys
 from pathlib import Path
@@ -22,13 +20,13 @@ from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
 from figures import CORRECTNESS_FIGURES, FIGURES
 from findings import Finding, findings
+from inline import data_uri, drawing
 from over_threads import cache_rows
 from results import InputError, Setup, load, summarise
 from tables import note_line, text
 
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kVerdicts = "correctness.json"
-kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -39,26 +37,6 @@ cache at once.</p>
 kHowNumbersAreMade = """<p class="note">Numbers are medians over repetitions; brackets are 95 % bootstrap
 intervals. A ratio is the median of ratios paired by repetition, and names its base.</p>
 """
-
-
-def _data_uri(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
-
-
-def _svg(path: Path) -> bytes:
-    """The drawing made small: no document type or metadata (they name addresses elsewhere), no needless
-    digits, and each style spelled out once.
-    """
-    drawing = path.read_text(encoding="utf-8")
-    drawing = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", drawing[drawing.index("<svg"):], flags=re.S)
-    drawing = re.sub(r'<g id="[A-Za-z0-9]+_\d+">', "<g>", drawing)
-    drawing = re.sub(r"(scale\([^)]*\))|(\d\.\d\d)\d+", lambda m: m[1] or m[2], drawing)
-    names: dict[str, str] = {}
-    drawing = re.sub(r'(?<= )style="([^"]*)"',
-                     lambda m: f'class="{names.setdefault(m[1], f"s{len(names)}")}"', drawing)
-    sheet = "".join(f".{name}{{{rule}}}" for rule, name in names.items())
-    drawing = drawing.replace("<defs>", f"<style>{sheet}</style><defs>", 1)
-    return re.sub(r"\s+", " ", drawing).replace("> <", "><").encode()
 
 
 def _card(finding: Finding) -> str:
@@ -120,7 +98,7 @@ def _pictures(setup: Setup) -> str:
                 picture.save(buffer, "PNG", optimize=True)
                 data = buffer.getvalue()
             about = text(_about_picture(path))
-            made.append(f'<figure><img src="{_data_uri("image/png", data)}" alt="{about}">'
+            made.append(f'<figure><img src="{data_uri("image/png", data)}" alt="{about}">'
                         f"<figcaption>{about}</figcaption></figure>")
     return f'<div class="pictures">{"".join(made)}</div>' if made else ""
 
@@ -164,13 +142,7 @@ def _environment(setup: Setup, command: str) -> str:
 
 
 def _figure(heading: str, done: Written, prefix: str, out: Path) -> str:
-    plates = []
-    for title, path in done.plates:
-        drawing = _svg(path)
-        width = float(re.search(rb'width="([0-9.]+)pt"', drawing)[1]) * kPixelsPerPoint
-        plates.append(f'<figure><img src="{_data_uri("image/svg+xml", drawing)}" style="width:{width:.0f}px" '
-                      f'alt="{text(done.figure.title)}, {text(title)}"></figure>')
-    first, *others = plates
+    first, *others = (drawing(path, f"{done.figure.title}, {title}") for title, path in done.plates)
     return (f'<div class="keep"><h3 id="{prefix}{done.figure.name}">{text(heading)}</h3>'
             f'<div class="read"><b>How to read this.</b> {text(done.figure.how_to_read)}</div>{first}</div>'
             f'{"".join(others)}{"".join(map(note_line, done.notes))}'

@@ -235,9 +235,24 @@ class Compare(Case):
         self.succeed("compare", "1.exr", "2.exr", "--json", "c.json")
         self.assertGreater(self.load("c.json")["rmse"], 0)
 
+    def test_folders_are_compared_frame_by_frame(self):
+        for folder, seeds in ("a", (1, 1)), ("b", (1, 2)):
+            os.mkdir(self.folder / folder)
+            for frame, seed in enumerate(seeds):
+                self.succeed(*small_render(seed=seed, out=f"{folder}/frame_{frame:04}.exr"))
+        said = self.succeed("compare", "a", "b", "--metrics", "rmse,flip,hdrvdp", "--json", "c.json", "--map", "maps")
+        self.assertEqual(said.splitlines()[0], "frame_0000.exr  rmse 0  flip 0  hdrvdp.p75 0  hdrvdp.p95 0")
+        figures = self.load("c.json")
+        first, second = figures["frames"]
+        self.assertEqual((first["rmse"], first["flip"], first["hdrvdp"]), (0, 0, {"p75": 0, "p95": 0}))
+        self.assertAlmostEqual(figures["flip"], second["flip"] / 2, delta=1e-9)
+        self.assertAlmostEqual(figures["flicker"], second["rmse"], delta=1e-6 * second["rmse"])
+        self.assertEqual(sorted(os.listdir(self.folder / "maps/hdrvdp")),
+                         [f"frame_000{i}.{kind}" for i in (0, 1) for kind in ("exr", "png")])
+
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "compare"]
+    COMMANDS = ["list", "sweep", "render", "animate", "compare"]
 
     def test_without_arguments_help_goes_to_standard_error(self):
         done = self.run_icbench()

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/names.h"
@@ -60,6 +62,93 @@ TEST_F(Compare, DefaultsAndOptionsBeforeTheImages) {
   EXPECT_TRUE(nlohmann::json::parse(load_file(folder / "out.json")).contains("relmse"));
   run({"--metrics", "rmse", "--json", "%out.json", "%b.exr", "%a.exr"});
   EXPECT_FALSE(nlohmann::json::parse(load_file(folder / "out.json")).contains("relmse"));
+}
+
+TEST_F(Compare, StatesHowTheImagesAreLookedAt) {
+  run({"%a.exr", "%b.exr", "--metrics", "flip,hdrvdp", "--json", "%out.json", "--map", "%maps"});
+  auto json = nlohmann::json::parse(load_file(folder / "out.json"));
+  EXPECT_GT(json.at("flip"), 0.0);
+  EXPECT_EQ(json.at("hdrvdp").at("p75"), 0.0);  // a factor of the whole is not seen
+  EXPECT_EQ(json.at("hdrvdp").at("p95"), 0.0);
+  EXPECT_EQ(json.at("viewing").at("luminance_scale"), 179.0);
+  EXPECT_EQ(json.at("viewing").at("distance"), 0.5);
+  EXPECT_EQ(json.at("viewing").at("display_pixels"), nlohmann::json({1280, 1024}));
+  EXPECT_EQ(json.at("viewing").at("display_size"), nlohmann::json({0.375, 0.3}));
+  EXPECT_EQ(json.at("viewing").at("flip_pixels_per_degree"), 67.0);
+  for (const char* name : {"maps/flip.exr", "maps/flip.png", "maps/hdrvdp.exr", "maps/hdrvdp.png"}) {
+    EXPECT_EQ(read_image(folder / name).width, 8) << name;
+  }
+  EXPECT_NEAR(read_image(folder / "maps/flip.exr").pixels.at(0).x, json.at("flip").get<double>(), 1e-6);
+
+  run({"%a.exr", "%b.exr", "--json", "%out.json", "--luminance-scale", "1e2", "--distance", "0.7",
+       "--display-pixels", "3840x2160", "--display-size", "0.7x0.39375", "--pixels-per-degree", "60"});
+  json = nlohmann::json::parse(load_file(folder / "out.json"));
+  EXPECT_EQ(json.at("viewing").at("luminance_scale"), 100.0);
+  EXPECT_EQ(json.at("viewing").at("display_pixels"), nlohmann::json({3840, 2160}));
+  EXPECT_NEAR(json.at("viewing").at("pixels_per_degree").get<double>(), 67.0, 0.1);
+  EXPECT_EQ(json.at("viewing").at("flip_pixels_per_degree"), 60.0);
+}
+
+TEST_F(Compare, ViewingOutOfRangeIsOneLine) {
+  const auto refuses = [&](const char* option, const char* value, const char* part) {
+    return is_one_line_with(error_of([&] { run({"%a.exr", "%b.exr", option, value}); }), part);
+  };
+  EXPECT_TRUE(refuses("--luminance-scale", "0", "luminance scale of 0"));
+  EXPECT_TRUE(refuses("--luminance-scale", "nan", "luminance scale"));
+  EXPECT_TRUE(refuses("--distance", "1 m", "--distance '1 m' is not a number"));
+  EXPECT_TRUE(refuses("--display-pixels", "1280", "WxH"));
+  EXPECT_TRUE(refuses("--display-pixels", "0x100", "'0'"));
+  EXPECT_TRUE(refuses("--display-size", "0.3x", "not a number"));
+  EXPECT_TRUE(refuses("--pixels-per-degree", "-1", "pixels per degree"));
+}
+
+TEST_F(Compare, FoldersFrameByFrame) {
+  // Differences of 0, 0.25 and -0.5 on references that move; names count without leading zeros.
+  const std::pair<const char*, std::array<float, 2>> frames[] = {
+      {"frame_2", {1.0f, 1.0f}}, {"frame_9", {1.0f, 1.25f}}, {"frame_10", {2.0f, 1.5f}}};
+  std::filesystem::create_directories(folder / "A");
+  std::filesystem::create_directories(folder / "B");
+  for (const auto& [name, levels] : frames) {
+    for (const std::size_t which : {0u, 1u}) {
+      Image image = make_image(8, 4);
+      for (glm::vec3& pixel : image.pixels) pixel = glm::vec3(levels[which]);
+      const std::filesystem::path path = folder / (which == 0 ? "A" : "B") / name;
+      write_image(path.string() + ".exr", image);
+      if (which == 0) write_image(path.string() + ".png", image);  // .exr comes first
+    }
+  }
+  run({"%A", "%B", "--metrics", "rmse,hdrvdp", "--json", "%out.json", "--map", "%maps"});
+  const auto json = nlohmann::json::parse(load_file(folder / "out.json"));
+  EXPECT_DOUBLE_EQ(json.at("rmse"), 0.25);
+  EXPECT_DOUBLE_EQ(json.at("flicker"), std::sqrt((0.0625 + 0.5625) / 2.0));
+  EXPECT_EQ(json.at("hdrvdp").at("p75"), 0.0);
+  EXPECT_TRUE(json.contains("viewing"));
+  ASSERT_EQ(json.at("frames").size(), 3u);
+  EXPECT_EQ(json.at("frames").at(1).at("image"), "frame_9.exr");
+  EXPECT_EQ(json.at("frames").at(2).at("image"), "frame_10.exr");
+  EXPECT_DOUBLE_EQ(json.at("frames").at(2).at("rmse"), 0.5);
+  EXPECT_EQ(read_image(folder / "maps/rmse/frame_9.exr").pixels.at(3), glm::vec3(0.25f));
+  EXPECT_TRUE(std::filesystem::exists(folder / "maps/hdrvdp/frame_10.png"));
+
+  EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%a.exr"}); }), "two images or two folders"));
+  std::filesystem::create_directories(folder / "none");
+  EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%none"}); }), "none' holds no frame_*.exr"));
+  write_image(folder / "B/frame_10.exr", make_image(4, 8));
+  EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%B"}); }), "B/frame_10.exr: cannot compare"));
+  std::filesystem::remove(folder / "B/frame_10.exr");
+  EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%B"}); }), "3 and 2 frames"));
+}
+
+TEST_F(Compare, ChecksTheMapFolderBeforeTheWork) {
+  // The metric refuses these images, so whoever complains about the folder looked at it first.
+  write_image(folder / "black.exr", make_image(8, 4));
+  const auto error = [&](const char* map) {
+    return error_of([&] { run({"%black.exr", "%b.exr", "--metrics", "block_rmse", "--map", map}); });
+  };
+  EXPECT_TRUE(is_one_line_with(error("%maps"), "block_rmse"));
+  EXPECT_TRUE(is_one_line_with(error("%a.exr"), "--map"));
+  EXPECT_TRUE(is_one_line_with(error("%a.exr/maps"), "--map"));
+  EXPECT_TRUE(is_one_line_with(error("/proc/icbench"), "--map"));
 }
 
 TEST_F(Compare, ErrorsAreOneLine) {

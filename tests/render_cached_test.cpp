@@ -19,10 +19,14 @@ namespace {
 // A list of records, for one thread.
 class ListSession {
  public:
+  template <class F>
+  void visit(const SurfacePoint& x, F&& f) noexcept {
+    for (const Record& r : records)
+      if (const float w = split_sphere_weight(x, r, a); w > 0.0f) f(r, w);
+  }
   std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
     Interpolator sum;
-    for (const Record& r : records)
-      if (const float w = split_sphere_weight(x, r, a); w > 0.0f) sum(r, w);
+    visit(x, sum);
     return sum.result();
   }
   InsertResult insert(const Record& r) noexcept {
@@ -44,12 +48,20 @@ struct CachedRun {
   RayCounts rays;
 };
 
+// How the records of these tests are made.
+struct Gathers {
+  Strata strata;
+  RadiusLimits limits;
+  SampleKey key{};
+};
+
 CachedRun run_cached(const RayTracer& rays, const PrimaryHits& primary, ListSession& session,
-                     const IrradianceCacheParams& params) {
+                     const Gathers& g) {
   CachedRun run{blank(primary.width, primary.height), {}, {}};
   Tracer tracer(rays);
+  HemisphereSource source(g.strata, g.limits, RecordNames(rays.scene(), primary.width, primary.height));
   for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
-    irradiance_cache_tile(session, tracer, primary, params, tile, run.indirect, run.use);
+    irradiance_cache_tile(session, source, 0, tracer, primary, g.key, tile, run.indirect, run.use);
   run.rays = tracer.counts;
   return run;
 }
@@ -58,9 +70,9 @@ TEST(RenderCached, TheFurnaceIsWhiteInEveryPixel) {
   const RayTracer rays(make_scene("white_furnace"));
   constexpr int kSize = 32;
   const PrimaryHits primary = primary_hits(rays, kSize, kSize);
-  IrradianceCacheParams params{.strata = Strata::for_rays(4096),
-                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.01f, 0.2f),
-                               .key = {.seed = 4}};
+  const Gathers params{.strata = Strata::for_rays(4096),
+                       .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.01f, 0.2f),
+                       .key = {.seed = 4}};
   ListSession session{.bounds = rays.scene().bounds};
   const CachedRun run = run_cached(rays, primary, session, params);
   EXPECT_GT(run.use.hits, run.use.queries / 2) << "hardly anything was interpolated";
@@ -82,8 +94,8 @@ TEST(RenderCached, TheFurnaceIsWhiteInEveryPixel) {
 TEST(RenderCached, CountsAddUpAndIdsAreUnique) {
   const RayTracer rays(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(rays, 32, 32);
-  IrradianceCacheParams params{.strata = Strata::for_rays(16),
-                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
+  const Gathers params{.strata = Strata::for_rays(16),
+                       .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
   ListSession session{.bounds = rays.scene().bounds};
   const CachedRun run = run_cached(rays, primary, session, params);
   std::uint64_t asked = 0;
@@ -135,8 +147,8 @@ TEST(RenderCached, WhatIsSeenInGlassIsCachedLikewise) {
 TEST(RenderCached, AFullCacheStillYieldsThePicture) {
   const RayTracer rays(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(rays, 16, 16);
-  IrradianceCacheParams params{.strata = Strata::for_rays(16),
-                               .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
+  const Gathers params{.strata = Strata::for_rays(16),
+                       .limits = RadiusLimits::for_scene(rays.scene().bounds, 0.002f, 0.1f)};
   ListSession session{.bounds = rays.scene().bounds, .capacity = 3};
   const CachedRun run = run_cached(rays, primary, session, params);
   EXPECT_EQ(run.use.inserts, 3u);

@@ -23,14 +23,10 @@ namespace {
 TEST(RenderPath, TheFurnaceIsWhiteInEveryPixel) {
   const RayTracer rays(make_scene("white_furnace"));
   constexpr int kSize = 16, kRuns = 100;
-  const CameraView view(rays.scene().camera, kSize, kSize);
   std::vector<Estimate> pixels(kSize * kSize);
   Estimate all;
   for (std::uint32_t run = 0; run < kRuns; ++run) {
-    Image image = blank(kSize, kSize);
-    for_tiles(rays, kSize, kSize, TileOrder::scanline, 2, [&](Tracer& t, const Tile& tile) {
-      path_tile(t, {view, 40, {.seed = 1, .frame = run}}, tile, image);
-    });
+    const Image image = picture(rays, find_integrator("path"), kSize, 40, {.seed = 1, .frame = run});
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       pixels[i].add(image.pixels[i].x);
       all.add(image.pixels[i].x);
@@ -91,17 +87,12 @@ TEST(RenderPath, DirectLightOfASquareIsLamberts) {
 TEST(RenderPath, PicturesDoNotDependOnThreadsOrTileOrder) {
   const RayTracer rays(make_scene("cornell_box"));
   constexpr int kSize = 40;
-  const PictureJob job{CameraView(rays.scene().camera, kSize, kSize), 2, {.seed = 9}};
-  Image one = blank(kSize, kSize), many = blank(kSize, kSize), other = blank(kSize, kSize);
-  for_tiles(rays, kSize, kSize, TileOrder::scanline, 1,
-            [&](Tracer& t, const Tile& i) { path_tile(t, job, i, one); });
-  for_tiles(rays, kSize, kSize, TileOrder::random, 5,
-            [&](Tracer& t, const Tile& i) { path_tile(t, job, i, many); });
+  const IntegratorEntry& path = find_integrator("path");
+  const Image one = picture(rays, path, kSize, 2, {.seed = 9});
+  const Image many = picture(rays, path, kSize, 2, {.seed = 9}, TileOrder::random, 5);
+  const Image other = picture(rays, path, kSize, 2, {.seed = 10});
   const std::size_t bytes = one.pixels.size() * sizeof(glm::vec3);
   EXPECT_EQ(std::memcmp(one.pixels.data(), many.pixels.data(), bytes), 0);
-  const PictureJob reseeded{job.view, 2, {.seed = 10}};
-  for_tiles(rays, kSize, kSize, TileOrder::scanline, 1,
-            [&](Tracer& t, const Tile& i) { path_tile(t, reseeded, i, other); });
   EXPECT_NE(std::memcmp(one.pixels.data(), other.pixels.data(), bytes), 0) << "the seed is ignored";
 }
 
@@ -110,11 +101,8 @@ TEST(RenderIntegrators, NoPixelIsNegativeOrNotFinite) {
     const RayTracer rays(make_scene(scene.name));
     constexpr int kSize = 48;
     for (const IntegratorEntry& integrator : kIntegrators) {
-      if (integrator.needs_cache) continue;
-      Image image = blank(kSize, kSize);
-      const PictureJob job{CameraView(rays.scene().camera, kSize, kSize), 4, {}};
-      for_tiles(rays, kSize, kSize, TileOrder::morton, 2,
-                [&](Tracer& t, const Tile& tile) { integrator.tile(t, job, tile, image); });
+      if (integrator.needs_cache()) continue;
+      const Image image = picture(rays, integrator, kSize, 4, {}, TileOrder::morton, 2);
       float brightest = 0.0f;
       for (const glm::vec3& L : image.pixels) {
         ASSERT_TRUE(is_finite(L) && L.x >= 0.0f && L.y >= 0.0f && L.z >= 0.0f) << integrator.name;

@@ -157,14 +157,10 @@ TEST(RenderSpecular, AnyNormalAndAnyAngleSendLightToItsSideOfTheSurface) {
 TEST(RenderSpecular, TheFurnaceStaysWhiteForThePath) {
   const RayTracer rays(furnace());
   constexpr int kSize = 16, kRuns = 40;
-  const CameraView view(rays.scene().camera, kSize, kSize);
   std::vector<Estimate> pixels(kSize * kSize);
   Estimate all;
   for (std::uint32_t run = 0; run < kRuns; ++run) {
-    Image image = blank(kSize, kSize);
-    for_tiles(rays, kSize, kSize, TileOrder::scanline, 2, [&](Tracer& t, const Tile& tile) {
-      path_tile(t, {view, 20, {.seed = 1, .frame = run}}, tile, image);
-    });
+    const Image image = picture(rays, find_integrator("path"), kSize, 20, {.seed = 1, .frame = run});
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       pixels[i].add(image.pixels[i].x);
       all.add(image.pixels[i].x);
@@ -350,11 +346,9 @@ TEST(RenderSpecular, RadianceInsideGlassIsThatOutsideTimesTheIndexSquared) {
   s.meshes.push_back(icosphere("core", centre, 0.35f, 2, inner));
   const RayTracer rays(std::move(s));
   Tracer tracer(rays);
-  const CameraView outside(rays.scene().camera, 8, 8);
   Estimate seen;
-  Image image = blank(8, 8);
   for (std::uint32_t run = 0; run < 200; ++run) {
-    path_tile(tracer, {outside, 4, {.seed = 7, .frame = run}}, {0, 0, 8, 8}, image);
+    const Image image = picture(rays, find_integrator("path"), 8, 4, {.seed = 7, .frame = run});
     for (const glm::vec3& L : image.pixels) seen.add(L.x);
   }
   EXPECT_NEAR(seen.mean(), 1.0, 4.0 * seen.error());
@@ -393,6 +387,12 @@ TEST(RenderSpecular, GatherAndPathAgreeAmongLampsMirrorsAndGlass) {
   }
 }
 
+void add_mean(const Image& image, Estimate (&to)[3]) {
+  glm::dvec3 sum(0.0);
+  for (const glm::vec3& L : image.pixels) sum += L;
+  for (int c = 0; c < 3; ++c) to[c].add(sum[c] / static_cast<double>(image.pixels.size()));
+}
+
 // Mean radiance of an image's pixels, by run.
 template <class F>
 void add_runs(const RayTracer& rays, int size, std::uint32_t runs, Estimate (&to)[3], F&& f) {
@@ -400,9 +400,7 @@ void add_runs(const RayTracer& rays, int size, std::uint32_t runs, Estimate (&to
     Image image = blank(size, size);
     for_tiles(rays, size, size, TileOrder::scanline, 2,
               [&](Tracer& t, const Tile& tile) { f(t, tile, SampleKey{.seed = 13, .frame = run}, image); });
-    glm::dvec3 sum(0.0);
-    for (const glm::vec3& L : image.pixels) sum += L;
-    for (int c = 0; c < 3; ++c) to[c].add(sum[c] / (size * size));
+    add_mean(image, to);
   }
 }
 
@@ -411,9 +409,8 @@ TEST(RenderSpecular, WhittedIsThePathWithDirectLightOnly) {
   constexpr int kSize = 24;
   const CameraView view(rays.scene().camera, kSize, kSize);
   Estimate whitted[3], path[3];
-  add_runs(rays, kSize, 60, whitted, [&](Tracer& t, const Tile& tile, const SampleKey& key, Image& image) {
-    whitted_tile(t, {view, 1, key}, tile, image);
-  });
+  for (std::uint32_t run = 0; run < 60; ++run)
+    add_mean(picture(rays, find_integrator("whitted"), kSize, 1, {.seed = 13, .frame = run}), whitted);
   add_runs(rays, kSize, 120, path, [&](Tracer& t, const Tile& tile, const SampleKey& key, Image& image) {
     for (int y = tile.y0; y < tile.y1; ++y)
       for (int x = tile.x0; x < tile.x1; ++x) {
@@ -448,9 +445,8 @@ TEST(RenderSpecular, DirectAndIndirectPassesSumUpToThePath) {
     path_indirect_tile(t, primary, 2, key, tile, indirect);
     for_each_pixel(tile, kSize, [&](std::uint32_t i) { image.pixels[i] += indirect.pixels[i]; });
   });
-  add_runs(rays, kSize, 80, path, [&](Tracer& t, const Tile& tile, const SampleKey& key, Image& image) {
-    path_tile(t, {view, 2, key}, tile, image);
-  });
+  for (std::uint32_t run = 0; run < 80; ++run)
+    add_mean(picture(rays, find_integrator("path"), kSize, 2, {.seed = 13, .frame = run}), path);
   for (int c = 0; c < 3; ++c) {
     EXPECT_NEAR(passes[c].mean(), path[c].mean(), 4.0 * std::hypot(passes[c].error(), path[c].error()));
     EXPECT_LT(path[c].error(), 0.02 * path[c].mean());
@@ -476,16 +472,14 @@ TEST(RenderSpecular, AMirrorShowsTheLampTimesItsReflectance) {
   // The mirror image of the lamp is about (1.5, 2, 0).
   s.camera = {.eye = {-1.5f, 0.5f, 0}, .target = {1.5f, 2, 0}, .up = {0, 0, 1}, .fov_y = 0.05f};
   const RayTracer rays(std::move(s));
-  Tracer tracer(rays);
-  const PictureJob job{CameraView(rays.scene().camera, 4, 4), 3, {}};
-  for (const auto tile : {path_tile, whitted_tile}) {
-    Image image = blank(4, 4);
-    tile(tracer, job, {0, 0, 4, 4}, image);
+  for (const char* integrator : {"path", "whitted"}) {
+    const Image image = picture(rays, find_integrator(integrator), 4, 3, {});
     for (const glm::vec3& L : image.pixels)
       EXPECT_LT(glm::distance(L, glm::vec3(4.0f * 0.9f, 2.0f * 0.5f, 0.25f)), 1e-5f);
   }
   const PrimaryHits primary = primary_hits(rays, 4, 4);
   Image direct = blank(4, 4);
+  Tracer tracer(rays);
   direct_tile(tracer, primary, 1, {}, {0, 0, 4, 4}, direct);
   for (const glm::vec3& L : direct.pixels) EXPECT_LT(glm::distance(L, glm::vec3(3.6f, 1.0f, 0.25f)), 1e-5f);
 }
@@ -534,16 +528,13 @@ TEST(RenderSpecular, ASlabOfGlassShowsAndReflectsWhatFresnelLeaves) {
   s.meshes.push_back(box("slab", {{-1, -1, -0.1f}, {1, 1, 0.1f}}, glass));
   s.camera = {.eye = {0, 0, 3}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 0.02f};
   const RayTracer rays(std::move(s));
-  Tracer tracer(rays);
   const double F = 0.04;
-  const PictureJob job{CameraView(rays.scene().camera, 32, 32), 4, {}};
-  for (const auto tile : {path_tile, whitted_tile}) {
-    Image image = blank(32, 32);
-    tile(tracer, job, {0, 0, 32, 32}, image);
+  for (const char* integrator : {"path", "whitted"}) {
+    const Image image = picture(rays, find_integrator(integrator), 32, 4, {});
     Estimate seen;
     for (const glm::vec3& L : image.pixels) seen.add(L.x);
     EXPECT_NEAR(seen.mean(), (1.0 - F) / (1.0 + F), 4.0 * seen.error() + 1e-4);
-    EXPECT_LT(seen.error(), tile == whitted_tile ? 2e-4 : 0.01) << "a tree has next to no noise";
+    EXPECT_LT(seen.error(), 2e-4) << "a tree has next to no noise";
   }
 }
 
@@ -577,11 +568,8 @@ TEST(RenderSpecular, LightTrappedAmongMirrorsComesToAnEnd) {
   s.meshes.push_back(quad("lamp", {-0.1f, 0.9f, 0.5f}, {0.2f, 0, 0}, {0, 0, 0.2f}, lamp));
   s.camera = {.eye = {0, 0, 0.9f}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f};
   const RayTracer rays(std::move(s));
-  Tracer tracer(rays);
-  const PictureJob job{CameraView(rays.scene().camera, 16, 16), 4, {}};
-  Image image = blank(16, 16);
-  for (const auto tile : {path_tile, whitted_tile}) {
-    tile(tracer, job, {0, 0, 16, 16}, image);
+  for (const char* integrator : {"path", "whitted"}) {
+    const Image image = picture(rays, find_integrator(integrator), 16, 4, {});
     for (const glm::vec3& L : image.pixels) ASSERT_TRUE(is_finite(L) && L.x >= 0.0f);
   }
   EXPECT_LE(primary_hits(rays, 16, 16).layers(), kMaxVisible);

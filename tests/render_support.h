@@ -11,6 +11,8 @@
 
 #include "image/image.h"
 #include "render/camera.h"
+#include "render/crew.h"
+#include "render/integrators.h"
 #include "render/primary.h"
 #include "render/ray_tracer.h"
 #include "render/tiles.h"
@@ -67,6 +69,57 @@ inline PrimaryHits primary_hits(const RayTracer& rays, int width, int height) {
   for_tiles(rays, width, height, TileOrder::scanline, 1,
             [&](Tracer& t, const Tile& tile) { primary_tile(t, view, Lens::centre, {}, tile, out); });
   return out;
+}
+
+// A crew of threads that end with each piece of work.
+class ThreadCrew final : public Crew {
+ public:
+  ThreadCrew(const RayTracer& rays, unsigned threads) : tracers_(threads, Tracer(rays)) {}
+
+  unsigned size() const noexcept override { return static_cast<unsigned>(tracers_.size()); }
+  void run(const std::function<void(unsigned, Tracer&)>& f) override {
+    std::vector<std::jthread> team;
+    for (unsigned t = 0; t < size(); ++t) team.emplace_back([&, t] { f(t, tracers_[t]); });
+  }
+
+  RayCounts rays() const {
+    RayCounts sum;
+    for (const Tracer& tracer : tracers_) sum += tracer.counts;
+    return sum;
+  }
+
+ private:
+  std::vector<Tracer> tracers_;
+};
+
+// A square picture by an integrator that needs no cache: the mean of jittered samples.
+inline Image picture(const RayTracer& rays, const IntegratorEntry& integrator, int size, std::uint32_t spp,
+                     const SampleKey& first, TileOrder order = TileOrder::scanline, unsigned threads = 1) {
+  ThreadCrew crew(rays, threads);
+  const auto pass = integrator.pass({rays, crew, size, size});
+  const CameraView view(rays.scene().camera, size, size);
+  const auto tiles = make_tiles(size, size, 8, order, 5);
+  PrimaryHits primary(rays.scene(), size, size);
+  Image direct = blank(size, size), indirect = blank(size, size), sum = make_image(size, size);
+  const auto for_all = [&](const auto& f) {
+    crew.for_each(tiles.size(), 1,
+                  [&](unsigned t, Tracer& tracer, std::size_t i) { f(t, tracer, tiles[i]); });
+  };
+  pass->begin_frame({});
+  for (std::uint32_t s = 0; s < spp; ++s) {
+    const SampleKey key = first.next_sample(s);
+    for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
+      visible_tile(tracer, pass->light(), view, Lens::jittered, key, tile, primary, direct);
+    });
+    pass->begin_sample(primary, key);
+    for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {
+      pass->tile(t, tracer, primary, key, tile, indirect);
+    });
+    pass->end_sample(primary, indirect);
+    for (std::size_t i = 0; i < sum.pixels.size(); ++i)
+      sum.pixels[i] += (direct.pixels[i] + indirect.pixels[i]) / static_cast<float>(spp);
+  }
+  return sum;
 }
 
 }  // namespace icbench

@@ -1,10 +1,13 @@
 // What the scene tests ask of solids.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <map>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -31,6 +34,27 @@ inline std::vector<std::uint32_t> welded(const Mesh& mesh) {
     number.push_back(
         seen.try_emplace({p.x, p.y, p.z}, static_cast<std::uint32_t>(seen.size())).first->second);
   return number;
+}
+
+// The smallest volume of the pieces that a mesh falls into.
+inline double smallest_piece(const Mesh& mesh) {
+  const std::vector<std::uint32_t> v = welded(mesh);
+  std::vector<std::uint32_t> parent(v.size());
+  std::iota(parent.begin(), parent.end(), 0u);
+  const auto root = [&](std::uint32_t i) {
+    while (parent[i] != i) i = parent[i] = parent[parent[i]];
+    return i;
+  };
+  for (const glm::uvec3& t : mesh.triangles) {
+    parent[root(v[t.y])] = root(v[t.x]);
+    parent[root(v[t.z])] = root(v[t.x]);
+  }
+  std::map<std::uint32_t, std::vector<glm::uvec3>> pieces;
+  for (const glm::uvec3& t : mesh.triangles) pieces[root(v[t.x])].push_back(t);
+  double smallest = std::numeric_limits<double>::max();
+  for (const auto& [first, triangles] : pieces)
+    smallest = std::min(smallest, volume(mesh.positions, triangles));
+  return smallest;
 }
 
 // Each directed edge as often as its opposite: no hole, consistent orientation.

@@ -120,7 +120,7 @@ TEST(Spec, ErrorsAreOneLineThatNamesTheWorkload) {
                            "cornell_box:spp=0",
                            "cornell_box:order=uniform",
                            "mix_50_50:operations=268435456"}) {
-    EXPECT_TRUE(is_one_line_with(error_of([&] { parse_workload(text); }), fmt::format("'{}'", text)));
+    EXPECT_TRUE(is_one_line_with(error_of([text = text] { parse_workload(text); }), fmt::format("'{}'", text)));
   }
 }
 
@@ -132,7 +132,7 @@ TEST(Spec, UnknownNamesGetTheNearest) {
                                       {"read_only:scene=lit_flor", "lit_floor"},
                                       {"cornell_box:tiles=scan_line", "scanline"},
                                       {"cornell_box:integrator=pat", "path"}}) {
-    EXPECT_TRUE(is_one_line_with(error_of([&] { parse_workload(text); }),
+    EXPECT_TRUE(is_one_line_with(error_of([text = text] { parse_workload(text); }),
                                  fmt::format("did you mean '{}'?", nearest)));
   }
 }

@@ -19,6 +19,7 @@ struct CheckFailed : std::runtime_error {
 /// The program's arguments, for the results' environment record.
 const std::vector<std::string>& command_line();
 
+void add_animate(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_list(CLI::App& app);
 void add_render(CLI::App& app);

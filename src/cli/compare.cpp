@@ -1,7 +1,10 @@
-// icbench compare A B: error metrics of image B against the reference A.
+// icbench compare A B: error metrics of image B against the reference A, or of the frames of folder B against
+// those of folder A.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -9,21 +12,27 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "cli/options.h"
 #include "core/names.h"
 #include "image/file.h"
 #include "image/image.h"
+#include "image/metrics/flicker.h"
 #include "image/metrics/registry.h"
 
 namespace icbench {
 namespace {
 
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
 struct CompareOptions {
   std::string reference, image;
-  std::vector<std::string> metrics = {"rmse", "relmse", "mean_ratio"};
+  std::vector<std::string> metrics = {"rmse", "relmse", "mean_ratio", "flip"};
   std::string json, map;
+  Viewing viewing;
 };
 
 std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
@@ -40,37 +49,248 @@ std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
   return found;
 }
 
-void make_folder(const std::string& path) {
+/// The images named frame_*.exr in a folder, or where there are none frame_*.png; in the order of their
+/// names, shorter ones first so that numbers need no leading zeros.
+std::vector<fs::path> frames_of(const std::string& folder) {
+  std::vector<fs::path> frames;
+  for (const char* extension : {".exr", ".png"}) {
+    std::error_code error;
+    for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+      const fs::path& path = it->path();
+      if (path.filename().string().starts_with("frame_") && path.extension() == extension)
+        frames.push_back(path);
+    }
+    if (error)
+      throw std::runtime_error(fmt::format("cannot list the folder '{}': {}", folder, error.message()));
+    if (!frames.empty()) break;
+  }
+  if (frames.empty()) {
+    throw std::runtime_error(fmt::format(
+        "the folder '{}' holds no frame_*.exr or frame_*.png; icbench animate --out writes such folders",
+        folder));
+  }
+  std::sort(frames.begin(), frames.end(), [](const fs::path& a, const fs::path& b) {
+    const std::string x = a.filename().string(), y = b.filename().string();
+    return std::tuple(x.size(), x) < std::tuple(y.size(), y);
+  });
+  return frames;
+}
+
+/// Makes the folder, and throws unless files can be put there.
+void make_folder(const fs::path& path) {
   std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (error) throw std::runtime_error(fmt::format("cannot make the folder '{}': {}", path, error.message()));
+  fs::create_directories(path, error);
+  if (!error && !fs::is_directory(path, error)) error = std::make_error_code(std::errc::not_a_directory);
+  if (error) {
+    throw std::runtime_error(
+        fmt::format("--map: cannot make the folder '{}': {}", path.string(), error.message()));
+  }
+  if (access(path.c_str(), W_OK | X_OK) != 0) {
+    throw std::runtime_error(
+        fmt::format("--map '{}': no permission to write there; choose another place", path.string()));
+  }
+}
+
+/// Figures of one pair of images, named "metric" or "metric.part".
+struct Figure {
+  std::string_view metric, part;
+  double value;
+
+  std::string name() const { return fmt::format("{}{}{}", metric, part.empty() ? "" : ".", part); }
+};
+
+void put(Json& json, const Figure& figure) {
+  Json& place = json[std::string(figure.metric)];
+  (figure.part.empty() ? place : place[std::string(figure.part)]) = figure.value;
+}
+
+/// Where the maps of one pair of images go: one file, less its extension, for each metric; empty for none.
+using MapPlace = std::function<fs::path(const Metric&)>;
+
+std::vector<Figure> figures_of(const Image& reference, const Image& image,
+                               const std::vector<const Metric*>& metrics, const Viewing& viewing,
+                               const MapPlace& map_place) {
+  std::vector<Figure> figures;
+  for (const Metric* metric : metrics) {
+    Image map;
+    const bool is_mapped = metric->has_map && map_place;
+    for (const MetricValue& part : metric->compute(reference, image, is_mapped ? &map : nullptr, viewing)) {
+      if (!std::isfinite(part.value)) {
+        throw std::runtime_error(fmt::format("{}: the values are too large to compare", metric->name));
+      }
+      figures.push_back({metric->name, part.name, part.value});
+    }
+    if (!is_mapped) continue;
+    const std::string place = map_place(*metric).string();
+    write_image(place + ".exr", map);
+    if (metric->paint) write_image(place + ".png", metric->paint(map, reference));
+  }
+  return figures;
+}
+
+Json viewing_json(const Viewing& viewing) {
+  return {{"luminance_scale", viewing.luminance_scale},
+          {"distance", viewing.distance},
+          {"display_pixels", {viewing.display_pixels_x, viewing.display_pixels_y}},
+          {"display_size", {viewing.display_width, viewing.display_height}},
+          {"pixels_per_degree", pixels_per_degree(viewing).x},
+          {"flip_pixels_per_degree", viewing.flip_pixels_per_degree}};
+}
+
+/// What both kinds of comparison begin their JSON with.
+Json heading(const CompareOptions& options, const Image& reference) {
+  return {{"reference", options.reference},
+          {"image", options.image},
+          {"width", reference.width},
+          {"height", reference.height},
+          {"viewing", viewing_json(options.viewing)}};
+}
+
+Json compare_images(const CompareOptions& options, const std::vector<const Metric*>& metrics) {
+  const Image reference = read_image(options.reference);
+  const Image image = read_image(options.image);
+  MapPlace map_place;
+  if (!options.map.empty()) {
+    make_folder(options.map);
+    map_place = [&](const Metric& metric) { return fs::path(options.map) / metric.name; };
+  }
+  Json json = heading(options, reference);
+  for (const Figure& figure : figures_of(reference, image, metrics, options.viewing, map_place)) {
+    fmt::print("{} {:.9g}\n", figure.name(), figure.value);
+    put(json, figure);
+  }
+  return json;
+}
+
+/// Frame by frame, two images and a difference in memory.
+Json compare_folders(const CompareOptions& options, const std::vector<const Metric*>& metrics) {
+  const std::vector<fs::path> references = frames_of(options.reference), images = frames_of(options.image);
+  if (references.size() != images.size()) {
+    throw std::runtime_error(
+        fmt::format("the folders '{}' and '{}' hold {} and {} frames; they must hold the same",
+                    options.reference, options.image, references.size(), images.size()));
+  }
+  if (!options.map.empty()) {
+    make_folder(options.map);
+    for (const Metric* metric : metrics) {
+      if (metric->has_map) make_folder(fs::path(options.map) / metric->name);
+    }
+  }
+
+  Json json, frames = Json::array();
+  std::vector<Figure> totals;
+  Flicker flicker;
+  for (std::size_t i = 0; i < references.size(); ++i) {
+    const Image reference = read_image(references[i]);
+    const Image image = read_image(images[i]);
+    if (i == 0) json = heading(options, reference);
+    MapPlace map_place;
+    if (!options.map.empty()) {
+      map_place = [&](const Metric& metric) {
+        return fs::path(options.map) / metric.name / images[i].stem();
+      };
+    }
+    std::vector<Figure> figures;
+    try {
+      flicker.add(reference, image);
+      figures = figures_of(reference, image, metrics, options.viewing, map_place);
+    } catch (const std::runtime_error& error) {
+      throw std::runtime_error(fmt::format("{}: {}", images[i].string(), error.what()));
+    }
+    Json frame = {{"reference", references[i].filename().string()}, {"image", images[i].filename().string()}};
+    std::string line = images[i].filename().string();
+    for (std::size_t f = 0; f < figures.size(); ++f) {
+      put(frame, figures[f]);
+      line += fmt::format("  {} {:.6g}", figures[f].name(), figures[f].value);
+      if (i == 0) {
+        totals.push_back(figures[f]);
+      } else {
+        totals[f].value += figures[f].value;
+      }
+    }
+    fmt::print("{}\n", line);
+    frames.push_back(std::move(frame));
+  }
+
+  for (Figure& total : totals) total.value /= static_cast<double>(references.size());
+  totals.push_back({"flicker", "", flicker.value()});
+  for (const Figure& total : totals) {
+    if (!std::isfinite(total.value)) {
+      throw std::runtime_error(fmt::format("{}: the values are too large to compare", total.name()));
+    }
+    fmt::print("{} {:.9g}\n", total.name(), total.value);
+    put(json, total);
+  }
+  json["frames"] = std::move(frames);
+  return json;
 }
 
 void compare(const CompareOptions& options) {
   const std::vector<const Metric*> metrics = find_metrics(options.metrics);
+  check_viewing(options.viewing);
   if (!options.json.empty()) require_writable("--json", options.json);
-  const Image reference = read_image(options.reference);
-  const Image image = read_image(options.image);
-  if (!options.map.empty()) make_folder(options.map);
-
-  nlohmann::ordered_json json = {{"reference", options.reference},
-                                 {"image", options.image},
-                                 {"width", reference.width},
-                                 {"height", reference.height}};
-  for (const Metric* metric : metrics) {
-    Image map;
-    const bool is_mapped = metric->has_map && !options.map.empty();
-    for (const MetricValue& part : metric->compute(reference, image, is_mapped ? &map : nullptr)) {
-      if (!std::isfinite(part.value)) {
-        throw std::runtime_error(fmt::format("{}: the values are too large to compare", metric->name));
-      }
-      auto& figure = json[std::string(metric->name)];
-      (part.name.empty() ? figure : figure[std::string(part.name)]) = part.value;
-      fmt::print("{}{}{} {:.9g}\n", metric->name, part.name.empty() ? "" : ".", part.name, part.value);
-    }
-    if (is_mapped) write_image(std::filesystem::path(options.map) / fmt::format("{}.exr", metric->name), map);
+  std::error_code none;
+  const bool is_folder = fs::is_directory(options.reference, none);
+  if (is_folder != fs::is_directory(options.image, none)) {
+    throw std::runtime_error(fmt::format("'{}' and '{}' must be two images or two folders of frames",
+                                         options.reference, options.image));
   }
+  const Json json = is_folder ? compare_folders(options, metrics) : compare_images(options, metrics);
   if (!options.json.empty()) write_file(options.json, json.dump(2) + "\n");
+}
+
+double parse_number(const std::string& option, std::string_view text) {
+  double number = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc{} || end != text.data() + text.size()) {
+    throw std::runtime_error(fmt::format("{} '{}' is not a number", option, text));
+  }
+  return number;
+}
+
+/// An option for a number, whose range check_viewing knows.
+void add_number(CLI::App* command, const std::string& name, double& value, const std::string& help) {
+  command
+      ->add_option_function<std::string>(
+          name, [&value, name](const std::string& text) { value = parse_number(name, text); }, help)
+      ->type_name("X")
+      ->default_str(fmt::to_string(value));
+}
+
+void add_viewing(CLI::App* command, Viewing& viewing) {
+  add_number(command, "--luminance-scale", viewing.luminance_scale,
+             "hdrvdp: luminance of radiance 1, cd/m^2\n(lumens per watt; Radiance's for white light)");
+  add_number(command, "--distance", viewing.distance, "hdrvdp: from the eye to the display, metres");
+  command
+      ->add_option_function<std::string>(
+          "--display-pixels",
+          [&viewing](const std::string& text) {
+            const std::size_t x = text.find('x');
+            if (x == text.npos) {
+              throw std::runtime_error(fmt::format("--display-pixels '{}' is not of the form WxH", text));
+            }
+            viewing.display_pixels_x = parse_whole("--display-pixels", text.substr(0, x), 1, 1 << 20);
+            viewing.display_pixels_y = parse_whole("--display-pixels", text.substr(x + 1), 1, 1 << 20);
+          },
+          "hdrvdp: pixels of the display")
+      ->type_name("WxH")
+      ->default_str(fmt::format("{}x{}", viewing.display_pixels_x, viewing.display_pixels_y));
+  command
+      ->add_option_function<std::string>(
+          "--display-size",
+          [&viewing](const std::string& text) {
+            const std::size_t x = text.find('x');
+            if (x == text.npos) {
+              throw std::runtime_error(fmt::format("--display-size '{}' is not of the form WxH", text));
+            }
+            viewing.display_width = parse_number("--display-size", std::string_view(text).substr(0, x));
+            viewing.display_height = parse_number("--display-size", std::string_view(text).substr(x + 1));
+          },
+          "hdrvdp: size of the display, metres")
+      ->type_name("WxH")
+      ->default_str(fmt::format("{}x{}", viewing.display_width, viewing.display_height));
+  add_number(command, "--pixels-per-degree", viewing.flip_pixels_per_degree,
+             "flip: pixels per degree of visual angle");
 }
 
 }  // namespace
@@ -80,12 +300,19 @@ void add_compare(CLI::App& app) {
   const auto options = std::make_shared<CompareOptions>();
   std::string help = "Metrics, separated by commas:";
   for (const Metric& metric : kMetrics) help += fmt::format("\n{}\n  {}", metric.name, metric.closer);
-  CLI::App* command = app.add_subcommand("compare", "Error metrics of an image against a reference");
-  command->add_option("A", options->reference, "Reference image, .exr or .png")
-      ->type_name("FILE")
+  CLI::App* command =
+      app.add_subcommand("compare", "Error metrics of an image or an animation against a reference");
+  command
+      ->add_option("A", options->reference,
+                   "Reference: an image, .exr or .png,\nor a folder of frame_*.exr or frame_*.png")
+      ->type_name("PATH")
       ->required();
-  command->add_option("B", options->image, "Image to judge, .exr or .png, of the same size")
-      ->type_name("FILE")
+  command
+      ->add_option("B", options->image,
+                   "What to judge, of the same size and number of frames;\nfolders give the mean of every "
+                   "metric and flicker,\n"
+                   "the RMS change of B - A from frame to frame")
+      ->type_name("PATH")
       ->required();
   command->add_option("--metrics", options->metrics, help)
       ->type_name("LIST")
@@ -93,8 +320,12 @@ void add_compare(CLI::App& app) {
       ->allow_extra_args(false)
       ->capture_default_str();
   command->add_option("--json", options->json, "Write the figures to this file")->type_name("FILE");
-  command->add_option("--map", options->map, "Write error maps into this folder, one METRIC.exr each")
+  command
+      ->add_option("--map", options->map,
+                   "Write error maps into this folder: METRIC.exr, coloured\nones as METRIC.png too; of "
+                   "folders METRIC/FRAME.exr")
       ->type_name("FOLDER");
+  add_viewing(command, options->viewing);
   command->callback([options] { compare(*options); });
 }
 

@@ -45,7 +45,7 @@ Json scenes() {
 Json integrators() {
   Json out = Json::array();
   for (const IntegratorEntry& e : kIntegrators) {
-    out.push_back({{"name", e.name}, {"needs_cache", e.needs_cache}, {"description", e.description}});
+    out.push_back({{"name", e.name}, {"needs_cache", e.needs_cache()}, {"description", e.description}});
   }
   return out;
 }

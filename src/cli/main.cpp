@@ -85,6 +85,7 @@ int run(int argc, char** argv) {
   add_list(app);
   add_sweep(app);
   add_render(app);
+  add_animate(app);
   add_compare(app);
   app.footer(
       "Exit status: 0 done, 1 a check failed, 2 bad usage or input (one line on standard error).\n"

@@ -21,6 +21,9 @@ inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query&) no
 inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query&) noexcept {
   rtcOccluded16(valid, s, &r);
 }
+inline void occluded8(const int* valid, RTCScene s, RTCRay8& r, Query&) noexcept {
+  rtcOccluded8(valid, s, &r);
+}
 #else
 struct Query {
   RTCIntersectContext context;
@@ -33,6 +36,9 @@ inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query& q) 
 }
 inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query& q) noexcept {
   rtcOccluded16(valid, s, &q.context, &r);
+}
+inline void occluded8(const int* valid, RTCScene s, RTCRay8& r, Query& q) noexcept {
+  rtcOccluded8(valid, s, &q.context, &r);
 }
 #endif
 

@@ -1,49 +1,66 @@
-// The integrators: one entry each, and whole pictures by those that need no cache.
+// The integrators: one entry each.
 //
-// Rendering functions work on one tile in the calling thread; threads, their placement and the order of tiles
-// are the caller's. Tiles write disjoint pixels.
+// An integrator either is a pass of its own, or a source of records for the pass through a cache
+// (render/irradiance_cache.h).
 #pragma once
 
 #include <array>
-#include <cstdint>
+#include <memory>
 #include <string_view>
 
-#include "image/image.h"
-#include "render/camera.h"
-#include "render/ray_tracer.h"
-#include "render/sampling.h"
-#include "render/tiles.h"
+#include "render/indirect_pass.h"
+#include "render/record_source.h"
 
 namespace icbench {
 
-/// What a picture is rendered from, shared by all tiles.
-struct PictureJob {
-  CameraView view;
-  std::uint32_t spp = 1;  ///< jittered samples per pixel, >= 1
-  SampleKey key{};        ///< of the first sample
-};
+using MakePass = std::unique_ptr<IndirectPass> (*)(const PassSetup&);
+using MakeSource = std::unique_ptr<RecordSource> (*)(const PassSetup&);
 
-using PictureTile = void (*)(Tracer& tracer, const PictureJob& job, const Tile& tile,
-                             Image& picture) noexcept;
+/// No indirect light: emitted and direct light only (RT of Dubla 2012).
+std::unique_ptr<IndirectPass> make_whitted(const PassSetup& setup);
 
-/// Radiance with all light: the reference.
-void path_tile(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept;
+/// All light by path tracing: the reference.
+std::unique_ptr<IndirectPass> make_path(const PassSetup& setup);
 
-/// Emitted and direct light only (RT of Dubla 2012).
-void whitted_tile(Tracer& tracer, const PictureJob& job, const Tile& tile, Image& picture) noexcept;
+/// Virtual point lights at every pixel (IGI of Dubla 2012).
+std::unique_ptr<IndirectPass> make_instant_gi(const PassSetup& setup);
+
+/// A part of the virtual point lights at every pixel, and a filter over pixels (Wald et al. 2002).
+std::unique_ptr<IndirectPass> make_instant_gi_interleaved(const PassSetup& setup);
+
+/// Records by hemisphere gathers.
+std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& setup);
+
+/// Records gathered from virtual point lights, made anew in every frame (IC of Dubla 2012).
+std::unique_ptr<RecordSource> make_instant_caching(const PassSetup& setup);
+
+/// The same, kept over frames (TIC of Dubla 2012).
+std::unique_ptr<RecordSource> make_temporal_instant_caching(const PassSetup& setup);
 
 struct IntegratorEntry {
   std::string_view name;
   std::string_view description;
-  bool needs_cache;
-  PictureTile tile;  ///< null if it needs a cache: then the pass is a template over the cache's session
+  MakePass pass;      ///< null if it needs a cache
+  MakeSource source;  ///< null if it needs none
+  bool uses_vpls;
+
+  bool needs_cache() const noexcept { return source != nullptr; }
 };
 
 inline constexpr std::array kIntegrators{
-    IntegratorEntry{"whitted", "direct light only, by ray tracing", false, whitted_tile},
-    IntegratorEntry{"path", "path tracing with next-event estimation: the unbiased reference", false,
-                    path_tile},
-    IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", true, nullptr},
+    IntegratorEntry{"whitted", "direct light only, by ray tracing", make_whitted, nullptr, false},
+    IntegratorEntry{"path", "path tracing with next-event estimation: the unbiased reference", make_path,
+                    nullptr, false},
+    IntegratorEntry{"instant_gi", "every virtual point light at every pixel", make_instant_gi, nullptr, true},
+    IntegratorEntry{"instant_gi_interleaved",
+                    "virtual point lights shared out among neighbours, then filtered",
+                    make_instant_gi_interleaved, nullptr, true},
+    IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", nullptr,
+                    make_irradiance_cache, false},
+    IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame",
+                    nullptr, make_instant_caching, true},
+    IntegratorEntry{"temporal_instant_caching", "the same, of which a change renews only what it touches",
+                    nullptr, make_temporal_instant_caching, true},
 };
 
 /// Throws std::runtime_error naming the known integrators if there is none of that name.

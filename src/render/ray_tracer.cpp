@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "render/embree.h"
+#include "render/occluders.h"
 #include "scene/shapes.h"
 
 namespace icbench {
@@ -20,6 +21,7 @@ struct RayTracer::Embree {
   RTCScene still = nullptr;           // all meshes that do not move, if some do; else null
   std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
   std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
+  Occluders occluders;
 
   Embree() : device(rtcNewDevice(nullptr)) {
     if (!device)
@@ -101,7 +103,8 @@ void set_ray(RTCRay& to, const Ray& ray) noexcept {
   to.flags = 0;
 }
 
-void set_ray(RTCRay16& to, std::size_t i, const Ray& ray) noexcept {
+template <class Packet>
+void set_ray(Packet& to, std::size_t i, const Ray& ray) noexcept {
   to.org_x[i] = ray.o.x;
   to.org_y[i] = ray.o.y;
   to.org_z[i] = ray.o.z;
@@ -199,6 +202,19 @@ void RayTracer::build_scene() {
   }
   rtcCommitScene(embree_->scene);
   embree_->check(scene_);
+  place_occluders();
+}
+
+void RayTracer::place_occluders() {
+  Occluders& all = embree_->occluders;
+  all.clear();
+  if (!scene_.moves()) all.add_still(embree_->scene);
+  if (embree_->still) all.add_still(embree_->still);
+  for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i) {
+    if (!embree_->placings[i]) continue;
+    const std::uint32_t shape = scene_.meshes[i].instance_of == kOwnShape ? i : scene_.meshes[i].instance_of;
+    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_);
+  }
 }
 
 SceneChange RayTracer::go_to(float frame) {
@@ -225,7 +241,10 @@ SceneChange RayTracer::go_to(float frame) {
     change.moved.push_back({i, before, {placed_[i].box, placed_[i].pose}});
     lamp_moved |= scene_.materials[mesh.material].emits();
   }
-  if (!change.moved.empty()) rtcCommitScene(embree_->scene);
+  if (!change.moved.empty()) {
+    rtcCommitScene(embree_->scene);
+    place_occluders();
+  }
   embree_->check(scene_);
 
   if (scene_.camera_path) {
@@ -371,6 +390,36 @@ std::uint64_t RayTracer::bare_trace(std::span<const TracedRay> rays) const noexc
       embree::intersect1(embree_->scene, r, query);
       hits += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     }
+  }
+  return hits;
+}
+
+std::uint64_t RayTracer::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
+                                       std::uint64_t which) const noexcept {
+  return embree_->occluders.occluded_from(from, x, y, z, which);
+}
+
+std::uint64_t RayTracer::bare_occluded(std::span<const TracedRay> rays, unsigned packet) const noexcept {
+  embree::Query query;
+  std::uint64_t hits = 0;
+  const auto trace = [&](auto& lanes, auto&& occluded) {
+    alignas(64) int valid[kPacket];
+    for (std::size_t first = 0; first < rays.size(); first += packet) {
+      const std::size_t count = std::min<std::size_t>(packet, rays.size() - first);
+      for (std::size_t i = 0; i < packet; ++i) {
+        set_ray(lanes, i, rays[first + std::min(i, count - 1)].ray);
+        valid[i] = i < count ? -1 : 0;
+      }
+      occluded(valid, embree_->scene, lanes, query);
+      for (std::size_t i = 0; i < count; ++i) hits += lanes.tfar[i] < 0.0f;
+    }
+  };
+  if (packet == 8) {
+    RTCRay8 lanes;
+    trace(lanes, [](auto&&... args) { embree::occluded8(args...); });
+  } else if (packet == kPacket) {
+    RTCRay16 lanes;
+    trace(lanes, [](auto&&... args) { embree::occluded16(args...); });
   }
   return hits;
 }

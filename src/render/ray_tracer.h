@@ -10,6 +10,7 @@
 // Everything here is safe to call from any number of threads; building the BVH uses oneTBB.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>
@@ -61,6 +62,9 @@ struct RayCounts {
     closest += o.closest;
     occlusion += o.occlusion;
     return *this;
+  }
+  friend RayCounts operator-(const RayCounts& a, const RayCounts& b) noexcept {
+    return {a.closest - b.closest, a.occlusion - b.occlusion};
   }
 };
 
@@ -134,9 +138,21 @@ class RayTracer {
   /// Whether anything lies on each of many rays.
   void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
 
+  /// Shadow rays from one point, which lies off its surface already (leave), to up to 64 ends: bit i of `which` asks for
+  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which anything lies.
+  ///
+  /// Each answer is a function of its ray and of the shapes that lie on it and their poses alone, bit for bit: whatever
+  /// rays are asked for with it, and whatever else stands or moves in the scene (occluders.h).
+  std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
+                              std::uint64_t which) const noexcept;
+
   /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything
   /// above. Returns how many hit or were occluded.
   std::uint64_t bare_trace(std::span<const TracedRay> rays) const noexcept;
+
+  /// Traces shadow rays in Embree's packets of 8 or 16 and nothing else: the speed limit of occluded_from. Returns how
+  /// many were occluded.
+  std::uint64_t bare_occluded(std::span<const TracedRay> rays, unsigned packet) const noexcept;
 
  private:
   struct Embree;
@@ -162,6 +178,7 @@ class RayTracer {
   void intersect_packet(std::span<const Ray> rays, std::span<Hit> out) const noexcept;  // at most 16
   void attach_shape(std::uint32_t mesh);
   void build_scene();
+  void place_occluders();
   void place(std::uint32_t mesh, const Pose& pose);
   std::uint32_t mesh_of(std::uint32_t instance, std::uint32_t geometry) const noexcept {
     return instance < static_instance_ ? instance : geometry;
@@ -199,6 +216,11 @@ class Tracer {
     Hit hit;
     intersect({&ray, 1}, {&hit, 1});
     return hit;
+  }
+  std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
+                              std::uint64_t which) noexcept {
+    counts.occlusion += static_cast<std::uint64_t>(std::popcount(which));
+    return rays_->occluded_from(from, x, y, z, which);
   }
   bool occluded(const Ray& ray) noexcept {
     bool out;

@@ -13,6 +13,7 @@ namespace icbench {
 namespace {
 
 constexpr Bounds kRoom{{-4.0f, 0.0f, -4.0f}, {4.0f, 4.0f, 5.6f}};
+constexpr float kSize = 1.3f;     // of a bunny, metres
 constexpr float kLeap = 0.9f;     // height of a bounce, metres
 constexpr float kBounces = 4.0f;  // a loop
 
@@ -36,7 +37,7 @@ Scene empty_room() {
   add_room(s, kRoom, {floor, white, left, right, white, white});
   add_ceiling_panel(s, kRoom.upper.y, {-1.6f, -0.6f}, {1.6f, 1.6f}, white, lamp);
   add_ceiling_panel(s, kRoom.upper.y, {1.6f, -0.6f}, {1.6f, 1.6f}, white, lamp);
-  s.camera = {.eye = {1.5f, 2.9f, 5.4f}, .target = {0.0f, 0.75f, -0.6f}, .up = {0, 1, 0}, .fov_y = 0.72f};
+  s.camera = {.eye = {1.5f, 2.9f, 5.4f}, .target = {0.0f, 0.95f, -0.9f}, .up = {0, 1, 0}, .fov_y = 0.80f};
   s.frames = kLoopFrames;
   return s;
 }
@@ -49,14 +50,14 @@ Motion bounce(int which, const glm::vec2& at) {
   return [=](float frame) {
     const float leap = kBounces * frame / static_cast<float>(kLoopFrames) + delay;
     const float t = leap - std::floor(leap);
-    return turned(angle, {at.x, kStandingGap + 4.0f * kLeap * t * (1.0f - t), at.y});
+    return turned(angle, {at.x, kStandingGap + 4.0f * kLeap * t * (1.0f - t), at.y}, kSize);
   };
 }
 
 // side x side bunnies; a pair stands side by side.
 Scene bunnies(int columns, int rows) {
   Scene s = empty_room();
-  const float step = columns == 3 ? 1.65f : 2.0f;
+  const float step = columns == 3 ? 1.9f : 2.3f;
   const auto first = static_cast<std::uint32_t>(s.meshes.size());
   for (int i = 0; i < columns * rows; ++i) {
     const auto coat = s.add_material({.albedo = kCoats[static_cast<std::size_t>(i)]});
@@ -64,7 +65,7 @@ Scene bunnies(int columns, int rows) {
     if (i > 0) bunny.instance_of = first;
     const float x = static_cast<float>(i % columns) - 0.5f * static_cast<float>(columns - 1);
     const float z = static_cast<float>(i / columns) - 0.5f * static_cast<float>(rows - 1);
-    bunny.pose = bounce(i, {step * x, step * z - 0.6f});
+    bunny.pose = bounce(i, {step * x, step * z - 1.1f});
     s.meshes.push_back(std::move(bunny));
   }
   return s;

@@ -41,7 +41,7 @@ Materials add_materials(Scene& s) {
   m.paper = paint(0.82f, 0.80f, 0.74f);
   m.screen = s.add_material({.albedo = vec3(0.05f), .emission = {0.10f, 0.22f, 0.42f}});
   m.window = s.add_material({.albedo = vec3(0.05f), .emission = vec3(0.75f)});
-  m.glow = s.add_material({.emission = {90.0f, 70.0f, 42.0f}});
+  m.glow = s.add_material({.emission = {60.0f, 47.0f, 28.0f}});
   m.lamp = s.add_material({.emission = {24.0f, 22.0f, 19.0f}});
   m.brass = paint(0.62f, 0.46f, 0.18f);
   m.mug = paint(0.74f, 0.28f, 0.14f);
@@ -145,7 +145,7 @@ void add_desk_lamp(Scene& s, const Materials& m) {
       {0.0f, 0.0f}, {0.022f, -0.002f}, {0.042f, -0.015f}, {0.071f, -0.053f}, {0.086f, -0.10f}};
   Mesh shade = revolve("lamp shade", vec3(0.0f), kShade, 48, m.red);
   append(shade, revolve("inside", vec3(0.0f), kInside, 48, m.red));
-  Mesh bulb = quad("bulb", {-0.03f, -0.045f, -0.03f}, {0.06f, 0, 0}, {0, 0, 0.06f}, m.glow);
+  Mesh bulb = quad("bulb", {-0.03f, -0.092f, -0.03f}, {0.06f, 0, 0}, {0, 0, 0.06f}, m.glow);
   const Pose tilted{1.35f * glm::mat3(0.94f, 0.342f, 0, -0.342f, 0.94f, 0, 0, 0, 1), head};
   for (Mesh* part : {&shade, &bulb}) {
     place(*part, tilted);

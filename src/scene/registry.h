@@ -20,6 +20,9 @@ Scene cornell_indirect();
 Scene cornell_camera();
 Scene cornell_lamp();
 Scene cornell_paint();
+Scene conference();
+Scene sibenik();
+Scene office();
 Scene white_furnace();
 Scene lit_floor();
 
@@ -46,6 +49,9 @@ inline constexpr std::array kScenes{
     SceneEntry{"cornell_lamp", "Cornell box whose lamp dims and changes colour; a spot light sweeps", false,
                cornell_lamp},
     SceneEntry{"cornell_paint", "Cornell box with a wall that changes its paint", false, cornell_paint},
+    SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false, conference},
+    SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false, sibenik},
+    SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
                white_furnace},
     SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true,

@@ -68,12 +68,10 @@ RayTracedPlan::RayTracedPlan(const WorkloadSpec& spec, const RayTracer& rays, co
       reference_(&reference),
       tiles_(make_tiles(primary.width, primary.height, kTile, spec.tiles, seed)) {}
 
-IrradianceCacheParams RayTracedPlan::params(std::uint64_t seed) const noexcept {
-  IrradianceCacheParams params;
-  params.strata = Strata::for_rays(spec_.rays);
-  params.limits = RadiusLimits::for_scene(rays_->scene().bounds, kMinRadiusOfDiagonal, kMaxRadiusOfDiagonal);
-  params.key = SampleKey{seed, 0, 0};
-  return params;
+std::unique_ptr<RecordSource> RayTracedPlan::source() const {
+  return std::make_unique<HemisphereSource>(Strata::for_rays(spec_.rays),
+                                            radius_limits(rays_->scene().bounds),
+                                            RecordNames(rays_->scene(), primary_->width, primary_->height));
 }
 
 CacheConfig RayTracedPlan::config(unsigned threads) const {
@@ -92,8 +90,11 @@ std::uint64_t RayTracedPlan::records_of_one_thread(std::uint64_t seed) const {
   Tracer tracer(*rays_);
   CacheUse use;
   Image indirect = make_image(primary_->width, primary_->height);
-  const IrradianceCacheParams p = params(seed);
-  for (const Tile& tile : tiles_) irradiance_cache_tile(session, tracer, *primary_, p, tile, indirect, use);
+  const std::unique_ptr<RecordSource> records = source();
+  for (const Tile& tile : tiles_) {
+    irradiance_cache_tile(session, *records, 0, tracer, *primary_, SampleKey{seed, 0, 0}, tile, indirect,
+                          use);
+  }
   return use.inserts;
 }
 

@@ -29,11 +29,6 @@ PrimaryHits centre_hits(const RayTracer& rays, int width, int height);
 Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp,
                          std::uint64_t seed);
 
-/// Radius limits of new records as shares of the scene's diagonal (Ward et al. 1988 leave them to the
-/// implementation).
-inline constexpr float kMinRadiusOfDiagonal = 0.003f;
-inline constexpr float kMaxRadiusOfDiagonal = 0.3f;
-
 class RayTracedPlan {
  public:
   /// `rays`, `primary` and `reference` are shared by all workloads of one scene and size, and outlive the
@@ -47,7 +42,8 @@ class RayTracedPlan {
   const Reference& reference() const noexcept { return *reference_; }
   const std::vector<Tile>& tiles() const noexcept { return tiles_; }
 
-  IrradianceCacheParams params(std::uint64_t seed) const noexcept;
+  /// Records by hemisphere gathers; named after their hits.
+  std::unique_ptr<RecordSource> source() const;
   CacheConfig config(unsigned threads) const;
   std::uint64_t records_of_one_thread(std::uint64_t seed) const;
 

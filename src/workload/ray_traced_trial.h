@@ -7,78 +7,67 @@
 #include <vector>
 
 #include "core/cache.h"
-#include "core/sync.h"
+#include "workload/cached_pass.h"
 #include "workload/ray_traced_plan.h"
+#include "workload/team_crew.h"
 #include "workload/trial.h"
 #include "workload/validation.h"
 
 namespace icbench {
 
-/// What one thread keeps of a ray-traced pass, on lines of its own.
-template <class Session>
-struct alignas(kNoSharing) RayTracedWorker {
-  RayTracedWorker(Session s, std::span<Record> shared, const RayTracer& rays, std::uint32_t latency_every,
-                  std::uint64_t seed)
-      : session(s), accepted(shared), timed(Remembering{this}, latency_every, seed), tracer(rays) {}
+/// Passes everything on to another source, and remembers by id what the cache accepted.
+class RememberingSource final : public RecordSource {
+ public:
+  RememberingSource(std::unique_ptr<RecordSource> source, std::span<Record> accepted)
+      : source_(std::move(source)), accepted_(accepted) {}
 
-  /// Passes operations through and remembers what was accepted, for validation.
-  struct Remembering {
-    RayTracedWorker* worker;
-    std::optional<Irradiance> query(const SurfacePoint& x) noexcept { return worker->session.query(x); }
-    InsertResult insert(const Record& r) noexcept {
-      const InsertResult result = worker->session.insert(r);
-      if (result == InsertResult::inserted) worker->accepted[r.id] = r;
-      return result;
-    }
-  };
+  RecordsThen begin_frame(const SceneChange& change, Crew& crew) override {
+    return source_->begin_frame(change, crew);
+  }
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
+    return source_->evaluate(thread, tracer, x, key);
+  }
+  void settle(unsigned thread, const Record& r, InsertResult result) noexcept override {
+    if (result == InsertResult::inserted) accepted_[r.id] = r;  // ids are unique, so nobody else writes here
+    source_->settle(thread, r, result);
+  }
 
-  Session session;
-  std::span<Record> accepted;  // by id; shared by all workers
-  TimedSession<Remembering> timed;
-  Tracer tracer;
-  CacheUse use;
+ private:
+  std::unique_ptr<RecordSource> source_;
+  std::span<Record> accepted_;
 };
 
 template <template <class> class CacheTemplate>
 TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
-  using Cache = CacheTemplate<WithCounters>;
-  using Worker = RayTracedWorker<typename Cache::Session>;
-  const unsigned threads = setup.team.size();
+  using Cache = typename CachedPass<CacheTemplate>::Cache;
   const std::size_t pixels = plan.primary().hits.size();
-  Cache cache(plan.config(threads));
+  TeamCrew crew(setup.team, plan.rays());
+  std::vector<Record> accepted(plan.primary().layers() * pixels, Record{});  // R = 0 where there is none
+  CachedPassSetup cached{plan.config(crew.size())};
+  cached.prefault = static_cast<std::uint32_t>(pixels / 8 / crew.size() + 1);
+  cached.latency_every = setup.latency_every;
+  cached.seed = setup.seed;
+  CachedPass<CacheTemplate> pass(cached, std::make_unique<RememberingSource>(plan.source(), accepted), crew);
+  Cache& cache = pass.cache();
   Image indirect = make_image(plan.primary().width, plan.primary().height);
 
-  std::vector<Record> accepted(plan.primary().layers() * pixels, Record{});  // R = 0 where there is none
-  std::vector<std::unique_ptr<Worker>> workers(threads);
-  setup.team.run([&](unsigned t) {
-    auto session = cache.open_session(t);
-    session.prefault(static_cast<std::uint32_t>(pixels / 8 / threads + 1));
-    workers[t] = std::make_unique<Worker>(session, accepted, plan.rays(), setup.latency_every,
-                                          hash_keys(setup.seed, t, 7));
-  });
-
-  cache.reset_counters();
-
-  const IrradianceCacheParams params = plan.params(setup.seed);
+  const SampleKey key{setup.seed, 0, 0};
   TileCursor cursor(plan.tiles());
-  cache.begin_frame();
-  const TeamTimes times = setup.team.run([&](unsigned t) {
-    Worker& w = *workers[t];
-    while (const Tile* tile = cursor.next()) {
-      irradiance_cache_tile(w.timed, w.tracer, plan.primary(), params, *tile, indirect, w.use);
-    }
+  pass.begin_frame({});
+  pass.begin_sample(plan.primary(), key);
+  const TeamTimes times = crew.time([&](unsigned thread, Tracer& tracer) {
+    while (const Tile* tile = cursor.next()) pass.tile(thread, tracer, plan.primary(), key, *tile, indirect);
   });
-  const FrameEnd frame_end = timed_end_frame(cache);
+  const FrameEnd frame_end = timed_end([&] { pass.end_sample(plan.primary(), indirect); });
 
   TrialOutcome out = outcome_of(cache, times, frame_end);
   out.operations = out.counts.queries + out.counts.inserted + out.counts.full + out.counts.rejected;
-  std::uint64_t inserts = 0;
-  for (const auto& w : workers) {
-    inserts += w->use.inserts;
-    out.query_ticks.merge(w->timed.query_ticks);
-    out.insert_ticks.merge(w->timed.insert_ticks);
-    out.rays += w->tracer.counts;
-  }
+  const std::uint64_t inserts = pass.figures().use.inserts;
+  pass.for_each_session([&](const auto& session) {
+    out.query_ticks.merge(session.query_ticks);
+    out.insert_ticks.merge(session.insert_ticks);
+  });
+  out.rays = crew.rays();
   plan.judge(indirect, out);
   if constexpr (Cache::kTraits.consistency != Consistency::none) {
     const auto expected = [&](std::uint32_t id) -> const Record* {

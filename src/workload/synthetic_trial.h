@@ -123,7 +123,7 @@ TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& se
     const LatencySampler sampler(setup.latency_every, hash_keys(setup.seed, t, 6));
     run_stream(sessions[t], plan, streams, t, work_units, sampler, *workers[t]);
   });
-  const FrameEnd frame_end = timed_end_frame(cache);
+  const FrameEnd frame_end = timed_end([&] { cache.end_frame(); });
 
   TrialOutcome out = outcome_of(cache, times, frame_end);
   SyntheticWorker all;

@@ -83,6 +83,11 @@ class TimedSession {
   TimedSession(Session session, std::uint32_t every, std::uint64_t seed) noexcept
       : session_(session), sampler_(every, seed) {}
 
+  /// Not timed: what it is given to do takes time of its own.
+  template <class F>
+  void visit(const SurfacePoint& x, F&& f) noexcept {
+    session_.visit(x, f);
+  }
   std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
     return sampler_.run(query_ticks, [&] { return session_.query(x); });
   }
@@ -104,12 +109,12 @@ struct FrameEnd {
   double cpu_ns = 0.0;  ///< of all threads that merged
 };
 
-/// Ends the frame.
-template <class Cache>
-FrameEnd timed_end_frame(Cache& cache) {
+/// Times `end`, which ends a frame.
+template <class F>
+FrameEnd timed_end(F&& end_frame) {
   const std::clock_t cpu = std::clock();
   const auto start = std::chrono::steady_clock::now();
-  cache.end_frame();
+  end_frame();
   const auto end = std::chrono::steady_clock::now();
   return {std::chrono::duration<double, std::nano>(end - start).count(),
           1e9 * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "image/image.h"
+#include "image/metrics/viewing.h"
 
 namespace icbench {
 
@@ -28,10 +29,24 @@ struct MetricValue {
 /// describes. Throws std::runtime_error with one line if the images cannot be compared.
 using MetricFunction = std::vector<MetricValue> (*)(const Image& reference, const Image& image, Image* map);
 
+/// The same for a metric that models an observer, who looks at the images as `viewing` says.
+using ViewedMetricFunction = std::vector<MetricValue> (*)(const Image& reference, const Image& image,
+                                                          Image* map, const Viewing& viewing);
+
+/// A metric without an observer as one with.
+template <MetricFunction kMetric>
+std::vector<MetricValue> unviewed(const Image& reference, const Image& image, Image* map, const Viewing&) {
+  return kMetric(reference, image, map);
+}
+
+/// A map in colours for looking at, linear RGB in [0, 1].
+using PaintFunction = Image (*)(const Image& map, const Image& reference);
+
 struct Metric {
   std::string_view name;
-  MetricFunction compute;
+  ViewedMetricFunction compute;
   bool has_map;             ///< whether `map` is filled
+  PaintFunction paint;      ///< or nullptr: the map has no colours of its own
   std::string_view closer;  ///< what a value says, and which value says "equal"
   std::string_view source;  ///< publication, or "this project"
 };

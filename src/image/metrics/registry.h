@@ -4,6 +4,8 @@
 #include <array>
 
 #include "image/metrics/block_rmse.h"
+#include "image/metrics/flip.h"
+#include "image/metrics/hdrvdp.h"
 #include "image/metrics/mean_ratio.h"
 #include "image/metrics/metric.h"
 #include "image/metrics/relmse.h"
@@ -12,12 +14,18 @@
 namespace icbench {
 
 inline constexpr std::array kMetrics = {
-    Metric{"rmse", rmse, true, "smaller is closer, 0 is equal; W/(m^2 sr)", "-"},
-    Metric{"relmse", relmse, true, "smaller is closer, 0 is equal; epsilon 0.01",
+    Metric{"rmse", unviewed<rmse>, true, nullptr, "smaller is closer, 0 is equal; W/(m^2 sr)", "-"},
+    Metric{"relmse", unviewed<relmse>, true, nullptr, "smaller is closer, 0 is equal; epsilon 0.01",
            "Rousselle, Knaus, Zwicker 2011"},
-    Metric{"mean_ratio", mean_ratio, false, "below 1 is darker than the reference, 1 has no bias", "-"},
-    Metric{"block_rmse", block_rmse, true,
+    Metric{"mean_ratio", unviewed<mean_ratio>, false, nullptr,
+           "below 1 is darker than the reference, 1 has no bias", "-"},
+    Metric{"block_rmse", unviewed<block_rmse>, true, nullptr,
            "smaller is closer, 0 is equal up to pixel noise; share of the mean", "this project"},
+    Metric{"flip", flip, true, paint_flip, "smaller is closer, 0 is equal, 1 is the most; seen when flipping",
+           "Andersson et al. 2020, 2021"},
+    Metric{"hdrvdp", hdrvdp, true, paint_hdrvdp,
+           "0 is equal; percent of pixels seen with P > 75 % and > 95 %",
+           "Mantiuk, Daly, Myszkowski, Seidel 2005"},
 };
 
 /// The metric of that name, or nullptr.

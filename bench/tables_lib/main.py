@@ -1,0 +1,304 @@
+"""bench/tables after set-up and building: runs the jobs and writes tables.json, whose path it prints.
+
+Status: 0 done, 1 a job failed, 2 bad usage or nothing can be written, 130 interrupted.
+"""
+from __future__ import annotations
+
+import datetime
+import fcntl
+import hashlib
+import json
+import os
+import platform
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import options
+import pictures
+from claims import claims, targets
+from jobs import JobFailed, Store, SpaceEnded, identity_of_program, sweep_scratch
+from options import BadUsage, Settings
+from plan import Plan, Planner
+from progress import Progress, clock
+from tables import choose_vpls, method_titles, scene_tables
+from thesis import kAnimations, kIndirectTimes, kPerceived, kSource, kStills, kWholeFrameRange
+
+kSchema = 1
+kProbe = ("--integrator", "path", "--size", "48x36", "--spp", "4", "--seed", "1", "--out", "probe.exr")
+
+
+def say(text: str) -> None:
+    print(f"bench/tables: {text}", file=sys.stderr, flush=True)
+
+
+class Run:
+    """One run of bench/tables."""
+    def __init__(self, settings: Settings):
+        self.settings = settings
+        self.known = self._known_scenes()
+        self.scenes, self.absent = self._scenes()
+        self.planner = Planner(settings)
+        self.store = Store(settings.icbench, settings.out / "jobs", settings.references,
+                           identity_of_program(settings.icbench))
+        self.failures: list[dict] = []
+        self.broken: set[str] = set()  # identities of jobs that failed or read files of such
+        self.done: dict[str, dict] = {}
+
+    def _known_scenes(self) -> dict[str, str]:
+        """Names and descriptions. Raises BadUsage if the program cannot tell."""
+        command = [str(self.settings.icbench), "list", "scenes", "--json"]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+            entries = json.loads(done.stdout)
+            return {e["name"]: e.get("description", "") for e in entries if not e.get("analytic")}
+        except OSError as error:
+            raise BadUsage(
+                f"{self.settings.icbench}: {error.strerror}; build it, or name another with --icbench"
+            ) from None
+        except (ValueError, TypeError, KeyError, AttributeError):
+            raise BadUsage(
+                f"{shlex.join(command)} lists no scenes; build it, or name another with --icbench") from None
+
+    def _scenes(self) -> tuple[list[str], list[str]]:
+        """The scenes to run, and those of the thesis that the program does not have."""
+        wanted = self.settings.scenes
+        for name in wanted:
+            if name not in self.known and not Path(name).is_file():
+                raise BadUsage(
+                    f"--scenes: there is no scene and no file '{name}'; the scenes are {', '.join(self.known)}"
+                )
+        all_ = [*kAnimations, *kStills]
+        return ([str(Path(n).resolve()) if n not in self.known else n for n in wanted]
+                or [n for n in all_ if n in self.known],
+                [] if wanted else [n for n in all_ if n not in self.known])
+
+    def fingerprint(self, scene: str) -> str:
+        """How the scene looks to this program's path tracer: references of other looks are not used. Raises JobFailed."""
+        with tempfile.TemporaryDirectory(prefix="icbench-tables-") as folder:
+            command = [str(self.settings.icbench), "render", "--scene", scene, *kProbe]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
+                                  stdin=subprocess.DEVNULL)
+            probe = Path(folder) / "probe.exr"
+            if done.returncode != 0 or not probe.exists():
+                said = done.stderr.strip().splitlines()
+                raise JobFailed(
+                    f"{shlex.join(command)}: status {done.returncode}: {said[-1] if said else 'no message'}")
+            return hashlib.sha256(probe.read_bytes()).hexdigest()[:16]
+
+    def start(self) -> tuple[dict[str, Plan], Progress]:
+        """First plans of all scenes that render at all; those without a chosen number of VPLs are counted with a middle one."""
+        plans, middle = {}, self.settings.scale.vpl_counts[len(self.settings.scale.vpl_counts) // 2]
+        progress = Progress(self.store)
+        for scene in self.scenes:
+            try:
+                self.store.fingerprints[scene] = self.fingerprint(scene)
+            except JobFailed as error:
+                self._failed(scene, "first look", str(error))
+                continue
+            is_animation = scene not in kStills
+            plans[scene] = self.planner.start(scene, is_animation)
+            progress.expect(scene,
+                            self.planner.finish(self.planner.start(scene, is_animation), middle).jobs())
+        return plans, progress
+
+    def _failed(self, scene: str, what: str, why: str) -> None:
+        self.failures.append({"scene": scene, "job": what, "error": why})
+        say(f"failed: {why}")
+
+    def run_scene(self, plan: Plan, progress: Progress) -> None:
+        """All jobs of a scene. A job that fails stops only those that read its files."""
+        self._run(plan.choice(), progress)
+        chosen = choose_vpls(self.store, plan)
+        if chosen:
+            self.planner.finish(plan, chosen[0])
+            progress.expect(plan.scene, plan.jobs())
+            self._run(plan.jobs(), progress)
+        else:
+            self._failed(
+                plan.scene, "number of VPLs",
+                f"{plan.scene}: IGI could not be compared with path tracing, so "
+                "there is no number of VPLs to go on with")
+        self.done[plan.scene] = scene_tables(self.store, plan, self.settings, self.known.get(plan.scene, ""))
+        try:
+            self.done[plan.scene]["pictures"] = self._pictures(plan)
+        except (OSError, pictures.PictureError) as error:
+            self._failed(plan.scene, "pictures", f"{plan.scene}: {error}")
+        self.write(False)
+        # Frames are large; whatever a later job needs of them is made again.
+        for job in [*plan.frames.values(), *(j for j in plan.curve.values() if not isinstance(j, list))]:
+            if "frames" in job.outputs:
+                self.store.drop_files(job)
+
+    def _run(self, jobs, progress: Progress) -> None:
+        for job in jobs:
+            name = self.store.identity(job)
+            if name in self.broken or self.store.result(job) is not None:
+                continue
+            if any(self.store.identity(i.job) in self.broken for i in job.inputs):
+                self.broken.add(name)
+                continue
+            progress.show(job)
+            try:
+                self.store.ensure(job)
+            except (JobFailed, pictures.PictureError) as error:
+                progress.wipe()
+                self.broken.add(name)
+                self._failed(job.scene, job.label, str(error))
+            progress.advance(job)
+
+    def _pictures(self, plan: Plan) -> dict:
+        """Small pictures of the last frame, an animated preview, and the frames as PNG if they are to be kept."""
+        out, last = self.settings.out, self.planner.last(plan.is_animation)
+        if self.store.result(plan.reference) is None:
+            return {}
+        reference = pictures.read(self.store.place(plan.reference) / "picture.exr")
+        exposure = pictures.exposure_of(reference)
+        folder = out / "pictures" / self.store.place(plan.reference).parent.name
+        made = {"exposure": exposure}
+
+        def keep(name: str, picture, scale: float) -> None:
+            path = folder / f"{name}.png"
+            pictures.write_image(pictures.tone_mapped(picture, scale), path)
+            made[name] = str(path.relative_to(out))
+
+        keep("path", reference, exposure)
+        for method, job in plan.frames.items():
+            if self.store.result(job) is None:
+                continue
+            self.store.ensure(job, files=True)
+            path = self.store.place(job) / (pictures.frame_path(last) if plan.is_animation else "picture.exr")
+            keep(method, pictures.read(path), exposure)
+            if plan.is_animation:
+                self._frames(plan, method, path.parent, exposure, made)
+        for name in ("tic_path", "tic_igi"):
+            job = plan.quality.get(name)
+            if job and self.store.result(job) is not None:
+                self.store.ensure(job, files=True)
+                made.update(self._map(name, self.store.place(job) / "maps", folder))
+        return made
+
+    def _map(self, name: str, maps: Path, folder: Path) -> dict:
+        """The false-colour map of HDR-VDP, as the program painted it."""
+        painted = maps / "hdrvdp.png"
+        if not painted.exists():
+            return {}
+        path = folder / f"hdrvdp_{name}.png"
+        path.write_bytes(painted.read_bytes())
+        return {f"hdrvdp_{name}": str(path.relative_to(self.settings.out))}
+
+    def _frames(self, plan: Plan, method: str, source: Path, exposure: float, made: dict) -> None:
+        folder = self.settings.out / "animations" / self.store.place(plan.reference).parent.name
+        frames = [source / pictures.frame_name(f) for f in range(self.settings.scale.frames)]
+        preview = folder / f"{method}.webp"
+        if method in ("tic", "igi"):
+            pictures.write_preview(frames, exposure, self.settings.scale.preview_side, preview)
+            made[f"animation_{method}"] = str(preview.relative_to(self.settings.out))
+        if self.settings.keep_png:
+            for frame in frames:
+                pictures.write_image(pictures.tone_mapped(pictures.read(frame), exposure),
+                                     folder / method / f"{frame.stem}.png")
+
+    def write(self, complete: bool) -> Path:
+        """tables.json, whole or not at all."""
+        s = self.settings
+        measured = {
+            "schema": kSchema, "title": "The thesis's tables, made in kind on our own scenes",
+            "source": kSource, "complete": complete, "mode": s.mode,
+            "command_line": shlex.join(["bench/tables",
+                                        *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
+            "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.accuracy, "seed": s.seed},
+            "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
+                "whole_frames": kWholeFrameRange,
+                "indirect_times": {k: v.__dict__
+                                   for k, v in kIndirectTimes.items()},
+                "perceived": {k: v.__dict__
+                              for k, v in kPerceived.items()}
+            }, "scenes": self.done, "targets": targets(self.done), "claims": claims(self.done)
+        }
+        path = s.out / "tables.json"
+        scratch = path.with_name(".tables.json.scratch")
+        scratch.write_text(json.dumps(measured, indent=1), encoding="utf-8")
+        os.replace(scratch, path)
+        return path
+
+
+def _machine() -> dict:
+    model = next(
+        (line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")),
+        platform.machine())
+    return {
+        "cpu": model, "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
+        "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
+    }
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+def _prepare(settings: Settings) -> int:
+    """Makes the output folder and locks it for this process; returns the lock. Raises BadUsage."""
+    try:
+        settings.out.mkdir(parents=True, exist_ok=True)
+        settings.references.mkdir(parents=True, exist_ok=True)
+        lock = os.open(settings.out / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError as error:
+        raise BadUsage(f"--out: {error.filename}: {error.strerror}; choose another folder") from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise BadUsage(
+            f"another run is writing to '{settings.out}'; wait for it or choose another --out") from None
+    finished = len(list((settings.out / "jobs").glob("*/*/job.json")))
+    if finished and not settings.resume:
+        raise BadUsage(
+            f"'{settings.out}' holds {finished} finished jobs; go on with --resume, choose another --out, "
+            "or remove the folder")
+    sweep_scratch(settings.out / "jobs")
+    sweep_scratch(settings.references)
+    return lock
+
+
+def work(settings: Settings) -> int:
+    run = Run(settings)
+    lock = _prepare(settings)
+    start = time.monotonic()
+    try:
+        if run.absent:
+            say(f"not in this program: {', '.join(run.absent)}")
+        plans, progress = run.start()
+        for plan in plans.values():
+            run.run_scene(plan, progress)
+        progress.wipe()
+        path = run.write(True)
+    finally:
+        os.close(lock)
+    for failure in run.failures:
+        say(f"failed, {failure['scene']}, {failure['job']}: {failure['error']}")
+    say(f"{len(run.done)} scenes in {clock(time.monotonic() - start)}")
+    print(path)
+    return 1 if run.failures else 0
+
+
+def main() -> int:
+    try:
+        return work(options.parse(sys.argv[1:]))
+    except (BadUsage, JobFailed, SpaceEnded) as error:
+        say(str(error))
+    except KeyboardInterrupt:
+        say("interrupted; go on with --resume")
+        return 130
+    except OSError as error:
+        say(f"{error.filename or 'input or output'}: {error.strerror}; mend it and go on with --resume")
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,185 @@
+"""The command line of bench/tables and what it decides: sizes, samples, counts. Python's standard library only.
+
+As a program it checks its arguments and does nothing else: status 0, or 2 and one line. So bench/tables refuses wrong
+options before it installs, builds or measures anything.
+"""
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+kMaxSide = 16384
+kMaxThreads = 8192
+
+
+class BadUsage(Exception):
+    """What is wrong, where, and how to mend it, in one line."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is rendered and how often it is timed."""
+    size: tuple[int, int]  # pixels
+    frames: int  # of an animation
+    rounds: int  # in each of which every method is timed once
+    reference_spp: int  # path tracing, both halves together
+    vpl_counts: tuple[int, ...]  # among which a scene's number of VPLs is chosen
+    vpl_seeds: int  # sets of VPLs that each count is judged by
+    super_spp: int  # of supersampled IGI
+    converged_vpls: int  # of the IGI that stands for the limit of many VPLs
+    converged_frames: int  # the last ones, on which errors against it are measured
+    few_vpls: tuple[int, ...]  # what the curve of error against time adds below vpl_counts
+    neighbour_vpls: bool  # whether it has the caches at a quarter and four times the chosen number too
+    accuracies: tuple[float, ...]  # of the caches, on that curve
+    mechanism_frames: int  # of an animation on which mechanisms are compared
+    animated_stills: bool  # whether they are compared on the first frame of an animation, too, as a still
+    preview_side: int  # largest side of an animated preview, pixels
+
+
+kScales = {
+    "default":
+    Scale((512, 384), frames=100, rounds=3, reference_spp=2500, vpl_counts=(64, 128, 256, 512, 1024, 2048, 4096),
+          vpl_seeds=3, super_spp=16, converged_vpls=16384, converged_frames=4, few_vpls=(4, 8, 16, 32),
+          neighbour_vpls=True, accuracies=(0.4, 0.2, 0.1, 0.05), mechanism_frames=20, animated_stills=True,
+          preview_side=320),
+    "quick":
+    Scale((160, 120), frames=8, rounds=3, reference_spp=128, vpl_counts=(64, 128, 256, 512), vpl_seeds=1, super_spp=4,
+          converged_vpls=4096, converged_frames=1, few_vpls=(16,), neighbour_vpls=False, accuracies=(0.4, 0.2, 0.1),
+          mechanism_frames=4, animated_stills=False, preview_side=160)
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    mode: str
+    scale: Scale
+    out: Path
+    references: Path
+    scenes: tuple[str, ...]  # asked for; empty: the thesis's
+    threads: tuple[int, ...]  # on which mechanisms are compared
+    accuracy: float  # of the caches, in every table
+    seed: int
+    resume: bool
+    keep_png: bool
+    icbench: Path
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise BadUsage(message)
+
+
+def units() -> int:
+    """Processing units that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def default_threads(count: int, mode: str) -> tuple[int, ...]:
+    """1, 2, 4, ... up to all units, and four threads a unit; quickly, the last two alone."""
+    if mode == "quick":
+        return count, min(4 * count, kMaxThreads)
+    doubled = [1 << i for i in range(count.bit_length()) if 1 << i < count]
+    return tuple(dict.fromkeys([*doubled, count, min(4 * count, kMaxThreads)]))
+
+
+def _whole(option: str, text: str, low: int, high: int) -> int:
+    if not re.fullmatch(r"[0-9]{1,9}", text) or not low <= int(text) <= high:
+        raise BadUsage(f"{option} '{text}' is not a whole number from {low} to {high}")
+    return int(text)
+
+
+def _items(option: str, text: str) -> list[str]:
+    items = text.split(",")
+    if not all(items):
+        raise BadUsage(f"{option} '{text}' has an empty item")
+    if len(set(items)) != len(items):
+        raise BadUsage(f"{option} '{text}' names an item twice")
+    return items
+
+
+def _size(text: str) -> tuple[int, int]:
+    sides = text.split("x")
+    if len(sides) != 2:
+        raise BadUsage(f"--size '{text}' is not of the form WIDTHxHEIGHT")
+    width, height = (_whole(f"--size '{text}':", side, 1, kMaxSide) for side in sides)
+    return width, height
+
+
+def _accuracy(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value <= 1:
+        raise BadUsage(f"--accuracy '{text}' is not a number in (0, 1]")
+    return value
+
+
+def _writable(option: str, folder: Path) -> Path:
+    """The folder's full path. Throws if it cannot be made or written; makes nothing."""
+    folder = Path(os.path.abspath(folder))
+    above = folder
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise BadUsage(f"{option}: cannot write to '{folder}'; choose another folder")
+    return folder
+
+
+def parse(arguments: list[str]) -> Settings:
+    """Raises BadUsage."""
+    root = Path(__file__).resolve().parents[2]
+    parser = _Parser(prog="bench/tables", add_help=False, allow_abbrev=False)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--out", default=str(root / "results" / "tables"))
+    parser.add_argument("--references")
+    parser.add_argument("--scenes", default="")
+    parser.add_argument("--size")
+    parser.add_argument("--frames")
+    parser.add_argument("--rounds")
+    parser.add_argument("--threads")
+    parser.add_argument("--accuracy", default="0.2")
+    parser.add_argument("--seed", default="1")
+    parser.add_argument("--keep-frames", choices=["png"])
+    parser.add_argument("--icbench", default=str(root / "build" / "release" / "bin" / "icbench"))
+    given = parser.parse_args(arguments)
+
+    mode = "quick" if given.quick else "default"
+    changes: dict = {}
+    if given.size is not None:
+        changes["size"] = _size(given.size)
+    if given.frames is not None:
+        changes["frames"] = _whole("--frames", given.frames, 2, 100000)
+    if given.rounds is not None:
+        changes["rounds"] = _whole("--rounds", given.rounds, 1, 1000)
+    scale = Scale(**{**kScales[mode].__dict__, **changes})
+    few = {name: min(getattr(scale, name), scale.frames) for name in ("converged_frames", "mechanism_frames")}
+    scale = Scale(**{**scale.__dict__, **few})
+    threads = default_threads(units(), mode)
+    if given.threads is not None:
+        threads = tuple(
+            sorted(_whole("--threads", item, 1, kMaxThreads) for item in _items("--threads", given.threads)))
+    out = _writable("--out", Path(given.out))
+    references = _writable("--references", Path(given.references)) if given.references else out / "references"
+    return Settings(mode, scale, out, references,
+                    tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
+                    _accuracy(given.accuracy), _whole("--seed", given.seed, 0, 10**9 - 1), given.resume,
+                    given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
+
+
+def main() -> int:
+    try:
+        parse(sys.argv[1:])
+    except BadUsage as error:
+        print(f"bench/tables: {error}; see --help", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

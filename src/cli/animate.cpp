@@ -1,0 +1,116 @@
+// icbench animate: the frames of an animated scene one after the other, by one renderer that keeps its state, with
+// what each cost.
+//
+// A frame's file appears whole or not at all, so that a run which is killed leaves whole frames only.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "cli/command.h"
+#include "cli/frame_options.h"
+#include "cli/options.h"
+#include "harness/progress.h"
+#include "image/file.h"
+#include "image/image.h"
+#include "image/webp_animation.h"
+
+namespace icbench {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct AnimateOptions : FrameOptions {
+  std::string out = "animation", format = "png";
+  std::uint32_t frames = 0;
+};
+
+constexpr std::string_view kFormats[] = {"exr", "png", "none"};
+
+/// Makes the folder for the frames, unless there is one.
+void prepare_folder(const std::string& out) {
+  std::error_code error;
+  fs::create_directories(out, error);
+  if (error || !fs::is_directory(out, error)) {
+    throw std::runtime_error(
+        fmt::format("--out '{}': cannot make this folder; name one that can be written", out));
+  }
+  require_writable("--out", fs::path(out) / "preview.webp");
+}
+
+void add(FrameCost& sum, const FrameCost& cost) {
+  sum.seconds += cost.seconds;
+  sum.seconds_indirect += cost.seconds_indirect;
+  sum.rays += cost.rays;
+  PassFigures& to = sum.pass;
+  const PassFigures& from = cost.pass;
+  to.use += from.use;
+  to.records = from.records;  // those at the end
+  to.records_kept += from.records_kept;
+  to.records_updated += from.records_updated;
+  to.records_dropped += from.records_dropped;
+  to.light_paths = from.light_paths;
+  to.light_paths_retraced += from.light_paths_retraced;
+  to.bytes_beside_cache = from.bytes_beside_cache;
+}
+
+void animate_command(const AnimateOptions& o) {
+  if (std::find(std::begin(kFormats), std::end(kFormats), o.format) == std::end(kFormats)) {
+    throw std::runtime_error(unknown_name("format", o.format, kFormats));
+  }
+  const bool keeps = o.format != "none";
+  FrameSetup setup(o);
+  if (keeps) prepare_folder(o.out);
+  const std::uint32_t frames = o.frames != 0 ? o.frames : setup.rays().scene().frames;
+  const IntegratorEntry& integrator = setup.request().integrator;
+
+  Progress progress("animate", frames * frame_work(setup.request()));
+  setup.request().progress = [&](double work) { progress.advance(work); };
+  FrameRenderer renderer(setup.request());
+  std::optional<WebpAnimation> preview;
+  if (keeps) preview.emplace(setup.request().width, setup.request().height, o.exposure);
+
+  FrameCost total;
+  nlohmann::ordered_json per_frame = nlohmann::ordered_json::array();
+  for (std::uint32_t frame = 0; frame < frames; ++frame) {
+    const FrameCost cost = renderer.render(frame);
+    if (keeps) {
+      write_image(fs::path(o.out) / fmt::format("frame_{:04}.{}", frame, o.format), renderer.picture(),
+                  {ExrSample::float_bits, o.exposure});
+      preview->add(renderer.picture());
+    }
+    add(total, cost);
+    add_cost(per_frame.emplace_back(nlohmann::ordered_json{{"frame", frame}}), integrator, cost);
+  }
+  if (keeps) preview->write(fs::path(o.out) / "preview.webp");
+  nlohmann::ordered_json json = setup.asked();
+  json["frame_count"] = frames;
+  add_cost(json, integrator, total);
+  json["frames"] = std::move(per_frame);
+  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
+             keeps ? o.out : o.scene, frames, total.seconds, total.seconds_indirect);
+}
+
+}  // namespace
+
+void add_animate(CLI::App& app) {
+  const auto o = std::make_shared<AnimateOptions>();
+  CLI::App* animate = app.add_subcommand("animate", "Render an animated scene frame by frame");
+  add_frame_options(animate, *o);
+  add_whole(animate, "--frames", o->frames, 1u, 1u << 24, "Frames from 0 on (default: the scene's)")
+      ->default_str("");
+  animate
+      ->add_option(
+          "--format", o->format,
+          "Of frame_0000 and so on: exr, png, or none to measure only; with\nframes comes preview.webp")
+      ->capture_default_str();
+  animate->add_option("--out", o->out, "Folder for the frames; made if it is missing")
+      ->capture_default_str()
+      ->type_name("DIR");
+  animate->callback([o] { animate_command(*o); });
+}
+
+}  // namespace icbench

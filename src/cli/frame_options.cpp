@@ -1,0 +1,117 @@
+#include "cli/frame_options.h"
+
+#include <fmt/format.h>
+
+#include "cli/options.h"
+#include "scene/registry.h"
+#include "workload/memory.h"
+#include "workload/names.h"
+
+namespace icbench {
+
+void add_frame_options(CLI::App* app, FrameOptions& o) {
+  const auto add_text = [&](const char* name, std::string& value, const char* help) {
+    return app->add_option(name, value, help)->capture_default_str();
+  };
+  add_text("--scene", o.scene, "Scene; see icbench list scenes")->type_name("NAME");
+  add_text("--integrator", o.integrator, "Integrator; see icbench list integrators")->type_name("NAME");
+  add_text("--cache", o.cache, "Cache, for the integrators that use one; see icbench list\ncaches")
+      ->type_name("NAME");
+  add_whole(app, "--threads", o.threads, 1u, kMaxThreads,
+            "Threads, 1 to 8192 (default: one a processing unit)")
+      ->default_str("");
+  add_text("--placement", o.placement, "How threads are pinned: compact, scatter or none");
+  add_text("--size", o.size, "WIDTHxHEIGHT, pixels");
+  add_whole(app, "--spp", o.spp, 1u, 1u << 24,
+            "Primary samples per pixel: one through its centre, more\nspread over it");
+  add_whole(app, "--rays", o.rays, 1u, 1u << 20, "irradiance_cache: gather rays per record");
+  add_whole(app, "--vpls", o.vpls, 1u, 1u << 16, "Virtual point lights, for the integrators that use them");
+  add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, at most 1; smaller is finer");
+  add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
+  add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
+  add_positive(app, "--exposure", o.exposure, 1e6f,
+               "Not for EXR: radiance is multiplied by this, then 1 is white");
+  app->add_option("--json", o.json, "Also write what it cost to this file")->type_name("FILE");
+}
+
+FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
+  require_known("scene", o.scene, kScenes);
+  require_known("integrator", o.integrator, kIntegrators);
+  const IntegratorEntry& integrator = find_integrator(o.integrator);
+  const CacheEntry& cache = find_cache(o.cache);
+  const auto [width, height] = parse_size(o.size);
+  const TileOrder tiles = parse_tile_order(o.tiles);
+  const Placement placement = placement_of(o.placement);
+  if (!o.json.empty()) require_writable("--json", o.json);
+
+  const Topology topology = Topology::of_this_process();
+  unsigned threads = o.threads != 0 ? o.threads : static_cast<unsigned>(topology.units().size());
+  if (integrator.needs_cache() && cache.traits.single_thread) {
+    if (o.threads > 1) {
+      throw std::runtime_error(
+          fmt::format("cache '{}' serves one thread; use --threads 1 or a shared cache", o.cache));
+    }
+    threads = 1;
+  }
+  team_ = std::make_unique<ThreadTeam>(topology, placement, threads);
+  rays_ = std::make_unique<RayTracer>(make_scene(o.scene));
+  request_ = std::make_unique<FrameRequest>(FrameRequest{*rays_,
+                                                         *team_,
+                                                         integrator,
+                                                         cache,
+                                                         width,
+                                                         height,
+                                                         o.spp,
+                                                         o.rays,
+                                                         o.vpls,
+                                                         o.accuracy,
+                                                         tiles,
+                                                         o.seed,
+                                                         {}});
+  require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
+}
+
+nlohmann::ordered_json FrameSetup::asked() const {
+  const FrameRequest& r = *request_;
+  nlohmann::ordered_json j = {{"scene", options_.scene},
+                              {"integrator", options_.integrator},
+                              {"threads", team_->size()},
+                              {"width", r.width},
+                              {"height", r.height},
+                              {"spp", r.spp},
+                              {"seed", r.seed}};
+  if (r.integrator.needs_cache()) {
+    j["cache"] = options_.cache;
+    j["accuracy"] = shortest_decimal(r.a);
+  }
+  if (r.integrator.uses_vpls) {
+    j["vpls"] = r.vpls;
+  } else if (r.integrator.needs_cache()) {
+    j["rays_per_record"] = r.gather;
+  }
+  return j;
+}
+
+void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost) {
+  j["seconds"] = cost.seconds;
+  j["seconds_indirect"] = cost.seconds_indirect;
+  j["rays"] = cost.rays.total();
+  j["shadow_rays"] = cost.rays.occlusion;
+  const PassFigures& p = cost.pass;
+  if (integrator.needs_cache()) {
+    j["records"] = p.records;
+    j["queries"] = p.use.queries;
+    j["hits"] = p.use.hits;
+    j["full"] = p.use.full;
+    j["records_kept"] = p.records_kept;
+    j["records_updated"] = p.records_updated;
+    j["records_dropped"] = p.records_dropped;
+    j["bytes_beside_cache"] = p.bytes_beside_cache;
+  }
+  if (integrator.uses_vpls) {
+    j["light_paths"] = p.light_paths;
+    j["light_paths_retraced"] = p.light_paths_retraced;
+  }
+}
+
+}  // namespace icbench

@@ -1,0 +1,49 @@
+// What `icbench render` and `icbench animate` share: options, set-up and the figures they report.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "harness/thread_team.h"
+#include "render/ray_tracer.h"
+#include "workload/frame_renderer.h"
+
+namespace icbench {
+
+struct FrameOptions {
+  std::string scene = "cornell_box", integrator = "irradiance_cache", cache = "wait_free", size = "256x256";
+  std::string json, tiles = "morton", placement = "compact";
+  unsigned threads = 0;
+  std::uint32_t spp = 1, rays = 256, vpls = 256;
+  float accuracy = 0.2f, exposure = 1.0f;
+  std::uint64_t seed = 1;
+};
+
+/// Adds the options to a subcommand; `o` holds their defaults and must outlive the parsing.
+void add_frame_options(CLI::App* app, FrameOptions& o);
+
+/// The scene, the threads and the renderer that the options ask for.
+class FrameSetup {
+ public:
+  /// Throws std::runtime_error with one line for options that cannot be met.
+  explicit FrameSetup(const FrameOptions& o);
+
+  RayTracer& rays() noexcept { return *rays_; }
+  FrameRequest& request() noexcept { return *request_; }
+
+  /// What was asked for, as it stands in JSON.
+  nlohmann::ordered_json asked() const;
+
+ private:
+  const FrameOptions& options_;
+  std::unique_ptr<ThreadTeam> team_;
+  std::unique_ptr<RayTracer> rays_;
+  std::unique_ptr<FrameRequest> request_;
+};
+
+/// Adds the figures of a frame, or of several together, to `j`; those that the integrator has.
+void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost);
+
+}  // namespace icbench

@@ -1,0 +1,59 @@
+// Instant caching (Dubla 2012, 6.2): records whose irradiance is gathered from virtual point lights (VPLs) by shadow
+// rays, as instant global illumination does at every pixel.
+//
+// How a record is evaluated serves temporal instant caching too: both make the same records of the same VPLs, bit for
+// bit. Everything about a record follows from its point: irradiance is the gather's sum in fixed order, with
+// compensation by rays whose random numbers depend on the place alone; the radius follows from a few fixed rays.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "render/indirect_pass.h"
+#include "render/irradiance_cache.h"
+#include "render/packed_normal.h"
+#include "render/radius_rays.h"
+#include "render/record_source.h"
+#include "render/vpl_gather.h"
+
+namespace icbench {
+
+/// Compensation rays of a record.
+inline constexpr std::uint32_t kRecordCompensation = 16;
+
+/// The point at which a record is made, as it is evaluated: with normals that 32 bits can hold.
+Hit record_point(const glm::vec3& p, PackedNormal n, PackedNormal ng) noexcept;
+inline Hit record_point(const Hit& hit) noexcept {
+  return record_point(hit.p, PackedNormal::pack(hit.n), PackedNormal::pack(hit.ng));
+}
+
+/// What a record's compensation is drawn from: its place.
+std::uint64_t compensation_key(const glm::vec3& p) noexcept;
+
+inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp) noexcept {
+  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p));
+}
+
+/// Traces paths of a set anew, by a crew.
+VplChange update_vpls(VplUpdate& update, Crew& crew);
+
+/// Static instant caching: in every frame VPLs are traced anew and records made anew. Ids are those of
+/// RecordNames.
+class InstantCachingSource final : public RecordSource {
+ public:
+  explicit InstantCachingSource(const PassSetup& setup);
+
+  RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
+  void report(PassFigures& figures) const noexcept override;
+
+ private:
+  VplSet vpls_;
+  RadiusRays radius_;
+  float clamp_;
+  RecordNames names_;
+};
+
+}  // namespace icbench

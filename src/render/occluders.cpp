@@ -1,0 +1,142 @@
+#include "render/occluders.h"
+
+#include <bit>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/matrix.hpp>
+
+namespace icbench {
+namespace {
+
+constexpr std::uint32_t kPacket = 8, kFan = 64;
+
+// Directions of rays that are still under way, and the bit each answers to.
+struct Fan {
+  std::uint32_t count = 0;
+  alignas(64) float x[kFan + kPacket], y[kFan + kPacket],
+      z[kFan + kPacket];  // room to read a whole last packet
+  alignas(64) std::uint8_t bit[kFan + kPacket];
+
+  void push(float dx, float dy, float dz, std::uint8_t b) noexcept {
+    x[count] = dx;
+    y[count] = dy;
+    z[count] = dz;
+    bit[count++] = b;
+  }
+};
+
+// The rays of `fan` that are in `keep`.
+void select(const Fan& fan, std::uint64_t keep, Fan& out) noexcept {
+  out.count = 0;
+  for (std::uint32_t i = 0; i < fan.count; ++i)
+    if (keep >> fan.bit[i] & 1u) out.push(fan.x[i], fan.y[i], fan.z[i], fan.bit[i]);
+}
+
+// Bits of the rays whose segment may meet a box: separating axes (Gottschalk et al. 1996), without a division.
+std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& centre,
+                       const glm::vec3& half) noexcept {
+  const glm::vec3 o = from - centre;
+  const float slack = 1e-5f * (half.x + half.y + half.z);  // of the cross products, per |d|
+  alignas(64) std::uint32_t meets[kFan + kPacket];
+  for (std::uint32_t i = 0; i < fan.count; ++i) {
+    const float hx = 0.5f * fan.x[i], hy = 0.5f * fan.y[i], hz = 0.5f * fan.z[i];
+    const float mx = o.x + hx, my = o.y + hy, mz = o.z + hz;
+    const float ax = std::fabs(hx), ay = std::fabs(hy), az = std::fabs(hz);
+    const float loose = slack * (ax + ay + az);
+    const bool apart = (std::fabs(mx) > half.x + ax) | (std::fabs(my) > half.y + ay) |
+                       (std::fabs(mz) > half.z + az) |
+                       (std::fabs(my * hz - mz * hy) > half.y * az + half.z * ay + loose) |
+                       (std::fabs(mz * hx - mx * hz) > half.x * az + half.z * ax + loose) |
+                       (std::fabs(mx * hy - my * hx) > half.x * ay + half.y * ax + loose);
+    meets[i] = apart ? 0u : 1u;
+  }
+  std::uint64_t bits = 0;
+  for (std::uint32_t i = 0; i < fan.count; ++i) bits |= std::uint64_t{meets[i]} << fan.bit[i];
+  return bits;
+}
+
+std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan) noexcept {
+  embree::Query query;
+  RTCRay8 packet;
+  for (std::uint32_t l = 0; l < kPacket; ++l) {
+    packet.org_x[l] = from.x;
+    packet.org_y[l] = from.y;
+    packet.org_z[l] = from.z;
+    packet.tnear[l] = 0.0f;
+    packet.time[l] = 0.0f;
+    packet.mask[l] = ~0u;
+    packet.id[l] = 0;
+    packet.flags[l] = 0;
+  }
+  std::uint64_t hit = 0;
+  for (std::uint32_t first = 0; first < fan.count; first += kPacket) {
+    alignas(32) int valid[kPacket];
+    for (std::uint32_t l = 0; l < kPacket; ++l) {
+      packet.dir_x[l] = fan.x[first + l];
+      packet.dir_y[l] = fan.y[first + l];
+      packet.dir_z[l] = fan.z[first + l];
+      packet.tfar[l] = 1.0f;
+      valid[l] = first + l < fan.count ? -1 : 0;
+    }
+    embree::occluded8(valid, scene, packet, query);
+    for (std::uint32_t l = 0; l < kPacket; ++l)
+      hit |= static_cast<std::uint64_t>((valid[l] != 0) & (packet.tfar[l] < 0.0f)) << fan.bit[first + l];
+  }
+  return hit;
+}
+
+}  // namespace
+
+void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
+  const glm::mat3& m = at.pose.linear;
+  const glm::vec3 centre = 0.5f * (at.box.lower + at.box.upper), half = 0.5f * (at.box.upper - at.box.lower);
+  Part part{.scene = scene, .everywhere = false, .posed = at.pose != Pose{}};
+  part.centre = at.pose(centre);
+  part.half = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z + pad;
+  part.to_object = glm::mat3(glm::inverse(glm::dmat3(m)));
+  part.shift = at.pose.shift;
+  parts_.push_back(part);
+}
+
+std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
+                                       std::uint64_t which) const noexcept {
+  Fan fan;
+  for (std::uint64_t rest = which; rest != 0; rest &= rest - 1) {
+    const int i = std::countr_zero(rest);
+    fan.push(x[i] - from.x, y[i] - from.y, z[i] - from.z, static_cast<std::uint8_t>(i));
+  }
+  for (std::uint32_t l = 0; l < kPacket; ++l) {  // lanes not in use hold numbers, whatever those are
+    fan.x[fan.count + l] = fan.y[fan.count + l] = fan.z[fan.count + l] = 1.0f;
+    fan.bit[fan.count + l] = 0;
+  }
+  std::uint64_t hit = 0;
+  for (const Part& part : parts_) {
+    if (hit == which) break;
+    if (part.everywhere) {
+      hit |= trace(part.scene, from, fan);
+      continue;
+    }
+    const std::uint64_t asked = near_box(fan, from, part.centre, part.half) & ~hit;
+    if (asked == 0) continue;
+    Fan some;
+    select(fan, asked, some);
+    glm::vec3 o = from;
+    if (part.posed) {
+      o = part.to_object * (from - part.shift);
+      for (std::uint32_t i = 0; i < some.count; ++i) {
+        const glm::vec3 d = part.to_object * glm::vec3(some.x[i], some.y[i], some.z[i]);
+        some.x[i] = d.x;
+        some.y[i] = d.y;
+        some.z[i] = d.z;
+      }
+    }
+    for (std::uint32_t l = 0; l < kPacket; ++l) {
+      some.x[some.count + l] = some.y[some.count + l] = some.z[some.count + l] = 1.0f;
+      some.bit[some.count + l] = 0;
+    }
+    hit |= trace(part.scene, o, some);
+  }
+  return hit;
+}
+
+}  // namespace icbench

@@ -1,0 +1,80 @@
+// Where the records of a cache come from: the part of a cached integrator that knows light but no cache.
+//
+// The other part, a pass over stored primary hits, is templated on the cache and asks for a record at a miss: one
+// virtual call for some hundred rays. Between frames the source says what becomes of the records it made.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/types.h"
+#include "render/crew.h"
+#include "render/primary.h"
+#include "render/ray_tracer.h"
+#include "render/sampling.h"
+
+namespace icbench {
+
+/// What threads did to a cache.
+struct CacheUse {
+  std::uint64_t queries = 0;
+  std::uint64_t hits = 0;      ///< queries answered by the cache; each of the others made a record
+  std::uint64_t inserts = 0;   ///< accepted
+  std::uint64_t full = 0;      ///< refused: out of capacity
+  std::uint64_t rejected = 0;  ///< refused: not storable
+
+  void count(InsertResult result) noexcept;
+  CacheUse& operator+=(const CacheUse& o) noexcept;
+};
+
+/// What a pass did in one frame, apart from rays.
+struct PassFigures {
+  CacheUse use;
+  std::uint64_t records = 0;          ///< in the cache at the end
+  std::uint64_t records_kept = 0;     ///< of those there were at the beginning, left as they were
+  std::uint64_t records_updated = 0;  ///< of those, given a new irradiance or radius
+  std::uint64_t records_dropped = 0;  ///< of those, removed
+  std::uint64_t light_paths = 0;      ///< that the virtual lights come from
+  std::uint64_t light_paths_retraced = 0;
+  std::uint64_t bytes_beside_cache = 0;  ///< kept for records beside what the cache keeps
+};
+
+/// What becomes of the records in the cache as a frame begins.
+enum class RecordsThen : std::uint8_t {
+  stay,    ///< all are as a new one would be
+  update,  ///< RecordSource::update tells for each
+  go       ///< the cache is to be cleared
+};
+
+class RecordSource {
+ public:
+  virtual ~RecordSource() = default;
+
+  /// Quiescent, once before each frame's samples; `change` is what RayTracer::go_to altered since the last call.
+  virtual RecordsThen begin_frame(const SceneChange& change, Crew& crew) = 0;
+
+  /// The record at a hit that reflects. Called by many threads at once.
+  virtual Record evaluate(unsigned thread, Tracer& tracer, const Visible& x,
+                          const SampleKey& key) noexcept = 0;
+
+  /// What the cache did with the record that this thread evaluated last.
+  virtual void settle(unsigned thread, const Record& record, InsertResult result) noexcept;
+
+  /// After RecordsThen::update: makes the record what a new one would be, or drops it. Called for every copy of a
+  /// record, in parallel, and answers the same for each.
+  virtual UpdateResult update(Record& record) noexcept;
+
+  /// Records to be inserted after an update: those that update() dropped because their radius grew.
+  virtual std::span<const Record> to_insert() const noexcept { return {}; }
+  /// The cache did not take one of them. Quiescent.
+  virtual void refused(const Record& record);
+
+  /// Whether a query has to tell the records it used, by `used`, in this frame.
+  virtual bool wants_use() const noexcept { return false; }
+  virtual void used(const Record& record) noexcept;
+
+  /// Adds what it did in this frame.
+  virtual void report(PassFigures& figures) const noexcept;
+};
+
+}  // namespace icbench

@@ -1,0 +1,263 @@
+#include "render/temporal.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "core/cache.h"
+#include "render/integrators.h"
+#include "render/irradiance_cache.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint64_t kSpare = 4096;  // records too many that are not worth a sweep
+constexpr std::size_t kGrain = 16;      // records a thread takes at a time
+
+std::uint16_t mesh_of(std::uint32_t mesh) noexcept {
+  return static_cast<std::uint16_t>(std::min<std::uint32_t>(mesh, kManyMeshes));
+}
+
+bool same_bits(const Irradiance& a, const Irradiance& b) noexcept {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
+
+std::uint32_t capacity_of(const PassSetup& s) {
+  return capacity_for(2ull * static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height),
+                      s.crew.size());
+}
+
+}  // namespace
+
+TemporalSource::TemporalSource(const PassSetup& s)
+    : rays_(s.rays),
+      vpls_(s.rays, {s.vpls, s.seed}),
+      radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
+      clamp_(vpl_clamp(s.rays.scene().bounds)),
+      table_(capacity_of(s), s.crew.size()),
+      workers_(s.crew.size()) {}
+
+RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
+  figures_ = {};
+  to_insert_.clear();
+  count_new_records();
+
+  Change c;
+  c.boxes = MovedBoxes(change, rays_.epsilon());
+  const VplChange light = update_lights(change, c.boxes, crew);
+  const bool swept = std::exchange(sweeping_, false);
+  c.light_changed = light.any() || change.lights || change.materials;
+  if (live_ + homeless_ == 0 || (c.boxes.empty() && !c.light_changed && !swept)) {
+    figures_.records_kept = live_;
+    begin_sweep_if_due();
+    return RecordsThen::stay;
+  }
+
+  const VplArrays& vpls = vpls_.vpls();
+  c.ends = SegmentEnds(
+      c.boxes, {vpls.of(VplArrays::kPx), vpls.of(VplArrays::kPy), vpls.of(VplArrays::kPz), vpls.slots()});
+  c.moved_meshes.assign(std::min<std::size_t>(rays_.scene().meshes.size(), kManyMeshes + 1u), 0);
+  for (const MovedMesh& m : change.moved) c.moved_meshes[mesh_of(m.mesh)] = 1;
+  c.moved_vpls = light.moved;
+  c.moved_vpls.resize(vpls.words());
+  c.unused_goes = swept;
+  verdicts_.assign(table_.end(), Verdict::drop);
+  crew.for_each(verdicts_.size(), kGrain, [&](unsigned thread, Tracer& tracer, std::size_t id) {
+    if (table_[static_cast<std::uint32_t>(id)].state != KeptRecord::free)
+      verdicts_[id] = reconsider(tracer, workers_[thread], c, static_cast<std::uint32_t>(id));
+  });
+
+  std::uint64_t touched = 0;
+  for (Worker& w : workers_) {
+    table_.release(w.dropped);
+    live_ -= w.dropped.size();
+    to_insert_.insert(to_insert_.end(), w.regrown.begin(), w.regrown.end());
+    touched += w.updated + w.dropped.size() + w.regrown.size();
+    figures_.records_kept += std::exchange(w.kept, 0);
+    figures_.records_updated += std::exchange(w.updated, 0) + w.regrown.size();
+    figures_.records_dropped += w.dropped.size();
+    w.dropped.clear();
+    w.regrown.clear();
+  }
+  figures_.records_dropped += homeless_;
+  touched += std::exchange(homeless_, 0);
+  if (swept) live_when_swept_ = live_;
+  begin_sweep_if_due();
+  return touched == 0 ? RecordsThen::stay : RecordsThen::update;
+}
+
+void TemporalSource::count_new_records() noexcept {
+  for (Worker& w : workers_) {
+    live_ += std::exchange(w.made, 0);
+    homeless_ += std::exchange(w.homeless, 0);
+    out_of_room_ |= std::exchange(w.out_of_room, false);
+  }
+}
+
+void TemporalSource::begin_sweep_if_due() noexcept {
+  if (!std::exchange(out_of_room_, false) && live_ <= 2 * live_when_swept_ + kSpare) return;
+  sweeping_ = true;
+  for (std::uint32_t id = 0; id < table_.end(); ++id)
+    if (table_[id].state == KeptRecord::live) table_[id].state = KeptRecord::unused;
+}
+
+// Traces paths anew that the change may have touched.
+VplChange TemporalSource::update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew) {
+  figures_.light_paths = vpls_.paths();
+  const bool all = !std::exchange(started_, true) || change.lights || change.materials;
+  std::vector<std::uint32_t> cut;
+  for (std::uint32_t path = 0; path < vpls_.paths(); ++path) {
+    const std::span<const glm::vec3> vertices = vpls_.vertices(path);
+    bool is_cut = all;
+    for (std::size_t i = 1; i < vertices.size() && !is_cut; ++i)
+      is_cut = boxes.meet(vertices[i - 1], vertices[i]);
+    if (is_cut) cut.push_back(path);
+  }
+  figures_.light_paths_retraced = cut.size();
+  if (cut.empty()) return {};
+  VplUpdate update(vpls_, std::move(cut));
+  VplChange changed = update_vpls(update, crew);
+  table_.widen(vpls_.vpls().words());
+  return changed;
+}
+
+TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, const Change& c,
+                                                   std::uint32_t id) noexcept {
+  KeptRecord& r = table_[id];
+  if (c.moved_meshes[r.mesh] != 0 || (c.unused_goes && r.state == KeptRecord::unused)) {
+    w.dropped.push_back(id);
+    return Verdict::drop;
+  }
+  if (c.boxes.empty() && !c.light_changed) {
+    ++w.kept;
+    return Verdict::keep;
+  }
+  const Hit point = record_point(r.p, r.n, r.ng);
+  const Irradiance E_before = r.E;
+  const float R_before = radius_.radius(r.distances);
+
+  const bool compensates = r.compensated || c.boxes.near(r.p, compensation_reach(clamp_));
+  if (see_anew(tracer, w, c, point, id) || c.light_changed || compensates) {
+    r.E = irradiance_from(table_.visible(id), point, vpls_.vpls(), clamp_);
+    if (compensates) {
+      const Compensation added = compensate_record(tracer, point, clamp_);
+      r.E += added.E;
+      r.compensated = added.met > 0;
+    }
+  }
+  if (const std::uint32_t cut = cut_distances(c, point, r.distances); cut != 0)
+    radius_.trace(tracer, point, cut, r.distances);
+
+  const float R = radius_.radius(r.distances);
+  if (R > R_before) {
+    w.regrown.push_back({point.p, point.n, R, r.E, id});
+    return Verdict::insert;
+  }
+  const bool same = R == R_before && same_bits(r.E, E_before);
+  ++(same ? w.kept : w.updated);
+  return same ? Verdict::keep : Verdict::update;
+}
+
+// Visibilities of the VPLs that moved, and of those that a moved mesh may have hidden or laid open; whether any changed.
+bool TemporalSource::see_anew(Tracer& tracer, Worker& w, const Change& c, const Hit& point,
+                              std::uint32_t id) noexcept {
+  w.suspect = c.moved_vpls;
+  c.ends.mark(rays_.leave(point.p, point.ng), w.suspect);
+  const std::span<std::uint64_t> visible = table_.visible(id);
+  w.before.assign(visible.begin(), visible.end());
+  trace_visibility(tracer, point, vpls_.vpls(), w.suspect, visible);
+  return !std::equal(visible.begin(), visible.end(), w.before.begin());
+}
+
+// The distance rays that meet a box no farther than they reached.
+std::uint32_t TemporalSource::cut_distances(const Change& c, const Hit& point,
+                                            const DistanceCodes& distances) const noexcept {
+  std::uint32_t cut = 0;
+  if (c.boxes.empty()) return cut;
+  const auto directions = RadiusRays::directions(point.n);
+  const glm::vec3 from = rays_.leave(point.p, point.ng);
+  for (std::size_t i = 0; i < kRadiusRays; ++i)
+    if (c.boxes.meet(from, from + radius_.reach(distances[i]) * directions[i])) cut |= 1u << i;
+  return cut;
+}
+
+UpdateResult TemporalSource::update(Record& record) noexcept {
+  if (record.id >= verdicts_.size()) return UpdateResult::drop;  // made when there was no room to keep it
+  switch (verdicts_[record.id]) {
+    case Verdict::keep:
+      return UpdateResult::keep;
+    case Verdict::update:
+      record.E = table_[record.id].E;
+      record.R = radius_.radius(table_[record.id].distances);
+      return UpdateResult::keep;
+    case Verdict::drop:
+    case Verdict::insert:
+      return UpdateResult::drop;
+  }
+  return UpdateResult::drop;
+}
+
+void TemporalSource::refused(const Record& record) {
+  table_.release({&record.id, 1});
+  --live_;
+  --figures_.records_updated;
+  ++figures_.records_dropped;
+}
+
+Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
+                                const SampleKey&) noexcept {
+  Worker& w = workers_[thread];
+  const std::uint32_t id = table_.draft(thread);
+  const bool has_room = id != RecordTable::kNone;  // else the record will do for this frame
+  if (!has_room) w.before.resize(vpls_.vpls().words());
+  KeptRecord& r = has_room ? table_[id] : w.homeless_record;
+  const std::span<std::uint64_t> visible = has_room ? table_.visible(id) : w.before;
+
+  r.p = x.hit.p;
+  r.n = PackedNormal::pack(x.hit.n);
+  r.ng = PackedNormal::pack(x.hit.ng);
+  r.mesh = mesh_of(x.hit.mesh);
+  const Hit point = record_point(r.p, r.n, r.ng);
+  radius_.trace(tracer, point, RadiusRays::kAll, r.distances);
+  trace_visibility(tracer, point, vpls_.vpls(), visible);
+  const Compensation added = compensate_record(tracer, point, clamp_);
+  r.E = irradiance_from(visible, point, vpls_.vpls(), clamp_) + added.E;
+  r.compensated = added.met > 0;
+  return {point.p, point.n, radius_.radius(r.distances), r.E, id};
+}
+
+void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
+  Worker& w = workers_[thread];
+  if (record.id == RecordTable::kNone || result == InsertResult::full) w.out_of_room = true;
+  if (result != InsertResult::inserted) return;
+  if (record.id == RecordTable::kNone) {
+    ++w.homeless;
+    return;
+  }
+  table_.keep(thread);
+  table_[record.id].state = KeptRecord::live;
+  ++w.made;
+}
+
+void TemporalSource::used(const Record& record) noexcept {
+  if (record.id == RecordTable::kNone) return;
+  // Relaxed: whoever sets it sets the same; the end of the frame publishes. Read first, since most are set already.
+  std::atomic_ref<std::uint8_t> state(table_[record.id].state);
+  if (state.load(std::memory_order_relaxed) == KeptRecord::unused)
+    state.store(KeptRecord::live, std::memory_order_relaxed);
+}
+
+void TemporalSource::report(PassFigures& figures) const noexcept {
+  figures.records_kept = figures_.records_kept;
+  figures.records_updated = figures_.records_updated;
+  figures.records_dropped = figures_.records_dropped;
+  figures.light_paths = figures_.light_paths;
+  figures.light_paths_retraced = figures_.light_paths_retraced;
+  figures.bytes_beside_cache = table_.bytes();
+}
+
+std::unique_ptr<RecordSource> make_temporal_instant_caching(const PassSetup& setup) {
+  return std::make_unique<TemporalSource>(setup);
+}
+
+}  // namespace icbench

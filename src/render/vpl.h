@@ -1,0 +1,191 @@
+// Virtual point lights (Keller 1997): light paths from the lamps leave one wherever a diffuse surface reflects them.
+//
+// A path starts at a lamp and is followed from surface to surface. At a diffuse surface Russian roulette decides, by
+// the albedo, whether it is absorbed or reflected, so that VPLs lie where light is and carry about equal flux; there is
+// no bounce limit. Mirrors and dielectrics are followed and keep no VPL. The sum over VPLs of what they send to a point
+// is an unbiased estimate of its indirect irradiance, but for light that comes to it straight from a specular surface.
+//
+// How many paths there are is fixed when the set is made, from a pilot of other paths, so that they leave about as many
+// VPLs as wanted. Random numbers depend on the seed and the path's index alone, not on the frame: while nothing cuts a
+// path, tracing it anew gives the same path bit for bit. The start of a path and what becomes of it at the first
+// surface come from a randomly shifted Halton sequence over the paths, the rest from the path's own stream.
+//
+// VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it is
+// traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots follow the paths.
+//
+// Costs: 36 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
+// serial loop in the order of the paths, so that nothing depends on the threads.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+#include "render/ray_tracer.h"
+
+namespace icbench {
+
+struct Vpl {
+  glm::vec3 p{0.0f};     ///< metres
+  glm::vec3 n{0.0f};     ///< unit geometric normal, on the side that is lit
+  glm::vec3 flux{0.0f};  ///< reflected, W; diffuse: radiant intensity flux cos / pi
+
+  bool operator==(const Vpl&) const = default;
+};
+static_assert(sizeof(Vpl) == 36);
+
+/// VPLs by slot, one array per component, for SIMD.
+class VplArrays {
+ public:
+  static constexpr std::size_t kWord =
+      64;  ///< slots come in whole words of this many: a bit each in std::uint64_t
+
+  VplArrays() = default;
+  /// All slots free; their number is rounded up to whole words.
+  explicit VplArrays(std::size_t slots);
+
+  std::size_t slots() const noexcept { return slots_; }
+  std::size_t words() const noexcept { return slots_ / kWord; }
+
+  Vpl operator[](std::size_t slot) const noexcept;
+  void set(std::size_t slot, const Vpl& vpl) noexcept;
+  bool is_free(std::size_t slot) const noexcept { return (*this)[slot].flux == glm::vec3(0.0f); }
+  void grow(std::size_t slots);  ///< keeps what there is
+
+  enum Component : std::size_t { kPx, kPy, kPz, kNx, kNy, kNz, kRed, kGreen, kBlue, kComponents };
+
+  /// Values of all slots; valid until grow.
+  const float* of(Component c) const noexcept { return values_.data() + c * slots_; }
+
+ private:
+  float& at(std::size_t c, std::size_t slot) noexcept { return values_[c * slots_ + slot]; }
+
+  std::size_t slots_ = 0;
+  std::vector<float> values_;
+};
+
+struct VplParams {
+  std::uint32_t wanted = 1024;  ///< VPLs, about; >= 1
+  std::uint64_t seed = 0;
+};
+
+/// Which slots an update changed, one bit a slot; exact: what is bitwise as it was is not in it.
+struct VplChange {
+  std::vector<std::uint64_t> moved;    ///< position or normal: visibility has to be asked anew
+  std::vector<std::uint64_t> changed;  ///< anything: sums have to be taken anew
+  bool grew = false;                   ///< there are more slots than before, at the end
+
+  bool any() const noexcept;
+};
+
+/// VplSet::slots: the vertex left no VPL.
+inline constexpr std::uint32_t kNoSlot = ~0u;
+
+/// The VPLs of a scene, and the paths that left them. Changes only in VplUpdate::commit.
+class VplSet {
+ public:
+  /// Plans the paths for the scene as it stands, and traces a pilot of kPilotPaths of them; the set is empty until a
+  /// VplUpdate of all paths is committed.
+  VplSet(const RayTracer& rays, const VplParams& params);
+
+  const VplArrays& vpls() const noexcept { return vpls_; }
+  std::uint32_t paths() const noexcept { return static_cast<std::uint32_t>(ranges_.size()); }
+  std::size_t count() const noexcept { return count_; }  ///< slots in use
+  const RayTracer& rays() const noexcept { return *rays_; }
+
+  /// Ends of the path's segments: the start on the lamp, then every surface met, mirrors included, and where it left
+  /// the scene a point beyond the scene's bounds. Its rays run within RayTracer::epsilon() of the segments. Empty for a
+  /// path that does not start. Valid until the next commit.
+  std::span<const glm::vec3> vertices(std::uint32_t path) const noexcept {
+    const Range& r = ranges_[path];
+    return {vertices_.data() + r.first, r.count};
+  }
+
+  /// The slots of the VPLs that the path left at its vertices; kNoSlot where it left none.
+  std::span<const std::uint32_t> slots(std::uint32_t path) const noexcept {
+    const Range& r = ranges_[path];
+    return {vertex_slots_.data() + r.first, r.count};
+  }
+
+  /// Memory of VPLs and paths, bytes.
+  std::size_t bytes() const noexcept;
+
+  static constexpr std::uint32_t kPilotPaths = 4096;
+
+ private:
+  friend class VplUpdate;
+
+  struct Range {
+    std::uint32_t first = 0, count = 0;  // of the vertices
+  };
+
+  static constexpr double kMaxPathsPerVpl = 64.0;
+
+  std::uint32_t take_slot();  // the lowest free one
+  void free_slot(std::uint32_t slot) noexcept;
+  void make_room(std::uint32_t path, std::size_t count);  // for so many vertices, of undefined value
+  void compact();
+
+  const RayTracer* rays_;
+  std::uint64_t seed_;
+  float
+      beyond_;  // metres; what lies this far and its distance from the origin from a point is outside the scene
+  VplArrays vpls_;
+  std::vector<std::uint64_t> used_;  // slots, a bit each
+  std::size_t first_free_word_ = 0;  // none before it
+  std::size_t count_ = 0;
+  std::vector<Range> ranges_;
+  std::vector<glm::vec3> vertices_;  // of all paths; those of a path are together
+  std::vector<std::uint32_t> vertex_slots_;
+  std::size_t unused_vertices_ = 0;  // left behind by paths that moved to the end
+};
+
+/// Traces some or all paths of a set anew and replaces their VPLs: build one, trace every chunk in any threads, commit.
+///
+///     VplUpdate update(set);
+///     team: update.trace(tracer, chunk) for every chunk < update.chunks()
+///     VplChange change = update.commit();
+class VplUpdate {
+ public:
+  /// Of all paths.
+  explicit VplUpdate(VplSet& set);
+  /// Of these paths: indices in ascending order.
+  VplUpdate(VplSet& set, std::vector<std::uint32_t> paths);
+
+  std::size_t chunks() const noexcept { return chunks_.size(); }
+
+  /// Traces a chunk of the paths; the set is only read. Different chunks may be traced at once. Out of memory ends the
+  /// program.
+  void trace(Tracer& tracer, std::size_t chunk) noexcept;
+
+  /// Quiescent; all chunks have been traced. Replaces the VPLs of these paths.
+  VplChange commit();
+
+ private:
+  static constexpr std::size_t kChunk = 32;  // paths: some 100 rays
+
+  // What was traced of some paths, one after the other.
+  struct Traced {
+    std::vector<std::uint32_t> ends;  // of each path in `vertices`
+    std::vector<glm::vec3> vertices;
+    std::vector<std::uint32_t> vpl_of;  // of each vertex, into `vpls`, or kNoSlot
+    std::vector<Vpl> vpls;
+  };
+
+  void replace(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end);
+
+  VplSet* set_;
+  std::vector<std::uint32_t> paths_;
+  std::vector<Traced> chunks_;
+  std::vector<std::uint32_t> owned_;  // slots of one path, while it is replaced
+};
+
+/// All of it in the calling thread.
+VplChange trace_all(VplSet& set, Tracer& tracer);
+
+/// Traces one path anew in the calling thread.
+VplChange retrace(VplSet& set, Tracer& tracer, std::uint32_t path);
+
+}  // namespace icbench

@@ -1,0 +1,225 @@
+#include "render/vpl_gather.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <numbers>
+
+#include "core/random.h"
+#include "render/path.h"
+#include "render/primary.h"
+#include "render/sampling.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::size_t kWord = VplArrays::kWord;
+constexpr std::size_t kLanes = 16;
+
+// The components of one word of slots.
+struct WordOfVpls {
+  const float *px, *py, *pz, *nx, *ny, *nz, *red, *green, *blue;
+
+  WordOfVpls(const VplArrays& vpls, std::size_t word) noexcept {
+    const auto of = [&](VplArrays::Component c) { return vpls.of(c) + word * kWord; };
+    px = of(VplArrays::kPx);
+    py = of(VplArrays::kPy);
+    pz = of(VplArrays::kPz);
+    nx = of(VplArrays::kNx);
+    ny = of(VplArrays::kNy);
+    nz = of(VplArrays::kNz);
+    red = of(VplArrays::kRed);
+    green = of(VplArrays::kGreen);
+    blue = of(VplArrays::kBlue);
+  }
+};
+
+// 64 bytes of 0 or 1 as bits: eight at a time, by a product that brings their lowest bits together on top.
+std::uint64_t bits_of(const std::uint8_t (&flags)[kWord]) noexcept {
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < kWord; i += 8) {
+    std::uint64_t eight;
+    std::memcpy(&eight, flags + i, 8);
+    bits |= (eight * 0x0102040810204080u >> 56) << i;
+  }
+  return bits;
+}
+static_assert(std::endian::native == std::endian::little, "bits_of takes the first byte for the lowest");
+
+// Which VPLs of a word lie above both horizons.
+std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
+  const glm::vec3 p = hit.p, n = hit.n, ng = hit.ng;
+  alignas(64) std::uint8_t flags[kWord];
+  for (std::size_t i = 0; i < kWord; ++i) {
+    const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
+    const float here = x * n.x + y * n.y + z * n.z;
+    const float surface = x * ng.x + y * ng.y + z * ng.z;
+    const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
+    flags[i] = static_cast<std::uint8_t>((here > 0.0f) & (surface > 0.0f) & (there > 0.0f));
+  }
+  return bits_of(flags);
+}
+
+std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, const WordOfVpls& v,
+                      std::uint64_t which) noexcept {
+  const std::uint64_t asked = which & facing(hit, v);
+  if (asked == 0) return 0;
+  const float epsilon = tracer.shared().epsilon();
+  alignas(64) float x[kWord], y[kWord], z[kWord];
+  for (std::size_t i = 0; i < kWord; ++i) {
+    x[i] = v.px[i] + epsilon * v.nx[i];
+    y[i] = v.py[i] + epsilon * v.ny[i];
+    z[i] = v.pz[i] + epsilon * v.nz[i];
+  }
+  return asked & ~tracer.occluded_from(from, x, y, z, asked);
+}
+
+std::uint32_t reverse_bits(std::uint32_t x) noexcept {
+  x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
+  x = (x >> 2 & 0x33333333u) | (x & 0x33333333u) << 2;
+  x = (x >> 4 & 0x0f0f0f0fu) | (x & 0x0f0f0f0fu) << 4;
+  return __builtin_bswap32(x);
+}
+
+// The sum of min(G, clamp) flux: 16 partial sums, then those in pairs. One function adds a word, so that all sums of
+// the same bits are the same.
+class Sum {
+ public:
+  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const glm::vec3& p, const glm::vec3& n,
+                             float clamp) noexcept {
+    if (bits == 0) return;
+    for (std::size_t first = 0; first < kWord; first += kLanes) {
+      const auto some = static_cast<std::uint32_t>(bits >> first & 0xffffu);
+      if (some == 0) continue;
+      for (std::uint32_t l = 0; l < kLanes; ++l) {
+        const std::size_t i = first + l;
+        const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
+        const float d2 = x * x + y * y + z * z;
+        const float here = x * n.x + y * n.y + z * n.z;
+        const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
+        const float G = here * there / (d2 * d2);
+        // The comparison fails for the 0 / 0 of distances whose squares vanish, too.
+        const float bounded = G < clamp ? G : clamp;
+        const float g = (some >> l & 1u) != 0 ? bounded : 0.0f;
+        red_[l] += g * v.red[i];
+        green_[l] += g * v.green[i];
+        blue_[l] += g * v.blue[i];
+      }
+    }
+  }
+
+  Irradiance irradiance() noexcept {
+    const auto finish = [](float(&of)[kLanes]) {
+      for (std::size_t half = kLanes / 2; half > 0; half /= 2)
+        for (std::size_t l = 0; l < half; ++l) of[l] += of[l + half];
+      return std::min(of[0] * std::numbers::inv_pi_v<float>, kMaxIrradiance);
+    };
+    return {finish(red_), finish(green_), finish(blue_)};
+  }
+
+ private:
+  alignas(64) float red_[kLanes] = {}, green_[kLanes] = {}, blue_[kLanes] = {};
+};
+
+}  // namespace
+
+float vpl_clamp(const Bounds& bounds) noexcept {
+  const float near = kClampShare * glm::length(bounds.upper - bounds.lower);
+  return 1.0f / (near * near);
+}
+
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
+                      std::span<std::uint64_t> bits) noexcept {
+  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0});
+}
+
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept {
+  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    if (which[w] != 0)
+      bits[w] = (bits[w] & ~which[w]) | visible(tracer, from, hit, WordOfVpls(vpls, w), which[w]);
+}
+
+Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
+                           float clamp) noexcept {
+  Sum sum;
+  for (std::size_t w = 0; w < vpls.words(); ++w) sum.add(WordOfVpls(vpls, w), bits[w], hit.p, hit.n, clamp);
+  return sum.irradiance();
+}
+
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp) noexcept {
+  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
+  Sum sum;
+  for (std::size_t w = 0; w < vpls.words(); ++w) {
+    const WordOfVpls v(vpls, w);
+    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}), hit.p, hit.n, clamp);
+  }
+  return sum.irradiance();
+}
+
+std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hit> points,
+                                       const VplArrays& vpls) {
+  std::vector<TracedRay> out;
+  for (const Hit& hit : points) {
+    const glm::vec3 from = rays.leave(hit.p, hit.ng);
+    for (std::size_t w = 0; w < vpls.words(); ++w)
+      for (std::uint64_t rest = facing(hit, WordOfVpls(vpls, w)); rest != 0; rest &= rest - 1) {
+        const Vpl vpl = vpls[w * kWord + static_cast<std::size_t>(std::countr_zero(rest))];
+        out.push_back({{from, 1.0f, rays.leave(vpl.p, vpl.n) - from}, true});
+      }
+  }
+  return out;
+}
+
+float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
+
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
+                        std::uint64_t key) noexcept {
+  constexpr std::uint32_t kWave = 64;
+  const RayTracer& rays = tracer.shared();
+  const glm::vec3 from = rays.leave(hit.p, hit.ng);
+  const Basis basis(hit.n);
+  const float reach = compensation_reach(clamp);
+  Pcg32 shifts(key);
+  const float elevation_shift = shifts.uniform();
+  const std::uint32_t azimuth_shift = shifts();
+  Compensation out;
+  for (std::uint32_t first = 0; first < count; first += kWave) {
+    Ray asked[kWave];
+    Hit met[kWave];
+    std::uint32_t index[kWave];
+    std::uint32_t n = 0;
+    for (std::uint32_t i = first; i < std::min(count, first + kWave); ++i) {
+      // A Hammersley set, shifted at random: each direction has the cosine's density.
+      const std::uint32_t reversed = reverse_bits(i) + azimuth_shift;
+      const glm::vec3 d =
+          cosine_direction(basis, (static_cast<float>(i) + elevation_shift) / static_cast<float>(count),
+                           static_cast<float>(reversed >> 8) * 0x1p-24f);
+      if (!(glm::dot(d, hit.ng) > 0.0f)) continue;
+      asked[n] = {from, reach, d};
+      index[n++] = i;
+    }
+    tracer.intersect({asked, n}, {met, n});
+    for (std::uint32_t k = 0; k < n; ++k) {
+      if (!reflects(rays, met[k])) continue;
+      const glm::vec3 d = met[k].p - hit.p;
+      const float d2 = glm::dot(d, d);
+      const float G = glm::dot(d, hit.n) * -glm::dot(d, met[k].ng) / (d2 * d2);
+      if (!(G > clamp)) continue;
+      ++out.met;
+      Pcg32 random(hash_keys(key, index[k] + 1));
+      out.E += (1.0f - clamp / G) / static_cast<float>(count) * rays.albedo(met[k]) *
+               sample_irradiance(tracer, met[k], Light::all, random);
+    }
+  }
+  return out;
+}
+
+}  // namespace icbench

@@ -1,0 +1,68 @@
+// Gathering irradiance from virtual point lights at a surface point.
+//
+// VPL j with flux F_j sends E_j = V_j F_j / pi min(G_j, clamp), G_j = cos cos_j / d^2, to a point; V_j is 1 where
+// nothing lies between. G is unbounded where a VPL lies close to the point, and the clamp takes the spots away that
+// this would make. What it takes from the light of close surfaces is added back by compensate() (Kollig & Keller 2004,
+// "Illumination in the presence of weak singularities"): rays with the cosine's density that look no farther than the
+// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The two together are unbiased.
+//
+// Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
+// bits in one fixed order. Each bit is a function of its shadow ray alone (RayTracer::occluded_from), never of the rays
+// traced with it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
+// traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no ray
+// and has bit 0.
+//
+// Costs: a shadow ray per slot above both horizons; about a nanosecond a slot beside them.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/types.h"
+#include "render/ray_tracer.h"
+#include "render/vpl.h"
+
+namespace icbench {
+
+/// The clamp of a scene as a share of its diagonal: G is bounded where two facing surfaces are this far apart.
+inline constexpr float kClampShare = 0.05f;
+
+/// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
+float vpl_clamp(const Bounds& bounds) noexcept;
+
+/// Sets bits[w] for all words, a bit per slot: 1 if the VPL in slot 64 w + i sees the point. bits.size() is
+/// vpls.words().
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
+                      std::span<std::uint64_t> bits) noexcept;
+
+/// The same for the slots in `which` alone; other bits stay as they are.
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept;
+
+/// Irradiance, W/m^2, from the VPLs whose bit is set, of which each lies above both horizons. Finite.
+Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
+                           float clamp) noexcept;
+
+/// Irradiance from all VPLs: both of the above, word by word. Bit for bit the same.
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp) noexcept;
+
+/// The shadow rays that gather_vpls traces at these points, for RayTracer::bare_occluded: how fast the same rays go
+/// without any of the work around them.
+std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hit> points,
+                                       const VplArrays& vpls);
+
+struct Compensation {
+  Irradiance E{0.0f};     ///< what the clamp took, W/m^2: unbiased estimate
+  std::uint32_t met = 0;  ///< rays that met a surface for which weight was left; 0: E is 0
+};
+
+/// How far compensation rays look, metres: G <= clamp beyond that.
+float compensation_reach(float clamp) noexcept;
+
+/// Adds back what the clamp takes at a point, from `count` rays; light that arrives at the surfaces met is estimated by
+/// one path each. Random numbers depend on the key alone. 0 rays: 0.
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
+                        std::uint64_t key) noexcept;
+
+}  // namespace icbench

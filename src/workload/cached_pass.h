@@ -1,0 +1,116 @@
+// The pass through a cache, for any source of records. Instantiated once per cache, in a translation unit of its own.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/cache.h"
+#include "core/sync.h"
+#include "render/irradiance_cache.h"
+#include "workload/trial.h"
+
+namespace icbench {
+
+/// What a cached pass is set up with.
+struct CachedPassSetup {
+  CacheConfig cache{};              ///< max_sessions: the crew's size
+  std::uint32_t prefault = 0;       ///< records that memory is touched for beforehand, by each thread
+  std::uint32_t latency_every = 0;  ///< one operation in so many is timed, at random; 0 none
+  std::uint64_t seed = 0;           ///< of which operations are timed
+};
+
+template <template <class> class CacheTemplate>
+class CachedPass final : public IndirectPass {
+ public:
+  using Cache = CacheTemplate<WithCounters>;
+
+  CachedPass(const CachedPassSetup& setup, std::unique_ptr<RecordSource> source, Crew& crew)
+      : crew_(crew), source_(std::move(source)), cache_(setup.cache), workers_(crew.size()) {
+    crew.run([&](unsigned t, Tracer&) {
+      auto session = cache_.open_session(t);
+      session.prefault(setup.prefault);
+      workers_[t] = std::make_unique<Worker>(session, setup.latency_every, hash_keys(setup.seed, t, 7));
+    });
+    cache_.reset_counters();
+  }
+
+  void begin_frame(const SceneChange& change) override {
+    for (const auto& w : workers_) w->use = {};
+    switch (source_->begin_frame(change, crew_)) {
+      case RecordsThen::stay:
+        break;
+      case RecordsThen::update:
+        cache_.update_records([this](Record& r) noexcept { return source_->update(r); });
+        insert_again();
+        break;
+      case RecordsThen::go:
+        cache_.clear();
+        break;
+    }
+  }
+
+  void begin_sample(const PrimaryHits&, const SampleKey&) override { cache_.begin_frame(); }
+
+  void tile(unsigned thread, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key,
+            const Tile& tile, Image& out) noexcept override {
+    Worker& w = *workers_[thread];
+    irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use);
+  }
+
+  void end_sample(const PrimaryHits&, Image&) override { cache_.end_frame(); }
+
+  void for_each_record(const std::function<void(const Record&)>& f) const override { cache_.for_each_record(f); }
+
+  PassFigures figures() const override {
+    PassFigures out;
+    for (const auto& w : workers_) out.use += w->use;
+    cache_.for_each_record([&](const Record&) { ++out.records; });
+    source_->report(out);
+    return out;
+  }
+
+  Cache& cache() noexcept { return cache_; }
+  const RecordSource& source() const noexcept { return *source_; }
+
+  /// Calls f(timed session) for every thread's.
+  template <class F>
+  void for_each_session(F&& f) const {
+    for (const auto& w : workers_) f(w->session);
+  }
+
+ private:
+  void insert_again() {
+    const std::span<const Record> records = source_->to_insert();
+    if (records.empty()) return;
+    std::vector<InsertResult> results(records.size());
+    cache_.begin_frame();
+    crew_.for_each(records.size(), 64, [&](unsigned t, Tracer&, std::size_t i) {
+      results[i] = workers_[t]->session.insert(records[i]);
+    });
+    cache_.end_frame();
+    for (std::size_t i = 0; i < records.size(); ++i)
+      if (results[i] != InsertResult::inserted) source_->refused(records[i]);
+  }
+
+  struct alignas(kNoSharing) Worker {
+    Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed)
+        : session(s, latency_every, seed) {}
+    TimedSession<typename Cache::Session> session;
+    CacheUse use;
+  };
+
+  Crew& crew_;
+  std::unique_ptr<RecordSource> source_;
+  Cache cache_;
+  std::vector<std::unique_ptr<Worker>> workers_;  // each made by its thread
+};
+
+template <template <class> class CacheTemplate>
+std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
+                                               std::unique_ptr<RecordSource> source, Crew& crew) {
+  return std::make_unique<CachedPass<CacheTemplate>>(setup, std::move(source), crew);
+}
+
+}  // namespace icbench

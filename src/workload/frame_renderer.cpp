@@ -1,0 +1,95 @@
+#include "workload/frame_renderer.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "workload/cached_pass.h"
+
+namespace icbench {
+namespace {
+
+std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
+  const PassSetup setup{r.rays, crew, r.width, r.height, r.gather, r.vpls, r.a, r.seed};
+  if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
+  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
+  CachedPassSetup cached;
+  cached.cache.bounds = r.rays.scene().bounds;
+  cached.cache.a_max = cached.cache.a = r.a;
+  cached.cache.max_sessions = crew.size();
+  cached.cache.capacity = capacity_for(2 * pixels, crew.size());
+  return r.cache.pass(cached, r.integrator.source(setup), crew);
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+template <class F>
+double timed(F&& f) {
+  const auto start = std::chrono::steady_clock::now();
+  f();
+  return seconds_since(start);
+}
+
+}  // namespace
+
+std::uint64_t frame_bytes(const FrameRequest& r) {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
+  return pixels * (sizeof(Hit) + 3 * sizeof(glm::vec3));
+}
+
+double frame_work(const FrameRequest& r) {
+  return static_cast<double>(make_tiles(r.width, r.height, kFrameTile, r.tiles, r.seed).size()) * r.spp;
+}
+
+FrameRenderer::FrameRenderer(const FrameRequest& request)
+    : request_(request),
+      crew_(request.team, request.rays),
+      tiles_(make_tiles(request.width, request.height, kFrameTile, request.tiles, request.seed)),
+      pass_(make_pass(request_, crew_)),
+      primary_(request.rays.scene(), request.width, request.height),
+      direct_(make_image(request.width, request.height)),
+      indirect_(direct_),
+      picture_(direct_) {}
+
+FrameCost FrameRenderer::render(std::uint32_t frame) {
+  const FrameRequest& r = request_;
+  FrameCost cost;
+  SceneChange change;
+  const RayCounts rays_before = crew_.rays();
+  cost.seconds = timed([&] { change = r.rays.go_to(static_cast<float>(frame)); });
+  cost.seconds_indirect = timed([&] { pass_->begin_frame(change); });
+
+  const Lens lens = r.spp == 1 ? Lens::centre : Lens::jittered;
+  const CameraView view(r.rays.scene().camera, r.width, r.height);
+  const float share = 1.0f / static_cast<float>(r.spp);
+  std::fill(picture_.pixels.begin(), picture_.pixels.end(), glm::vec3(0.0f));
+  for (std::uint32_t sample = 0; sample < r.spp; ++sample) {
+    const SampleKey key{r.seed, frame, sample};
+    TileCursor seen(tiles_), lit(tiles_);
+    const TeamTimes first = crew_.time([&](unsigned, Tracer& tracer) {
+      while (const Tile* tile = seen.next()) {
+        visible_tile(tracer, pass_->light(), view, lens, key, *tile, primary_, direct_);
+      }
+    });
+    cost.seconds += 1e-9 * static_cast<double>(first.wall_ns());
+    cost.seconds_indirect += timed([&] { pass_->begin_sample(primary_, key); });
+    const TeamTimes second = crew_.time([&](unsigned thread, Tracer& tracer) {
+      while (const Tile* tile = lit.next()) {
+        pass_->tile(thread, tracer, primary_, key, *tile, indirect_);
+        r.progress(1.0);
+      }
+    });
+    cost.seconds_indirect += 1e-9 * static_cast<double>(second.wall_ns());
+    cost.seconds_indirect += timed([&] { pass_->end_sample(primary_, indirect_); });
+    for (std::size_t i = 0; i < picture_.pixels.size(); ++i) {
+      picture_.pixels[i] += share * (direct_.pixels[i] + indirect_.pixels[i]);
+    }
+  }
+  cost.seconds += cost.seconds_indirect;
+  cost.rays = crew_.rays() - rays_before;
+  cost.pass = pass_->figures();
+  return cost;
+}
+
+}  // namespace icbench

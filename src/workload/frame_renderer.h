@@ -1,0 +1,66 @@
+// Frames of a scene by any integrator, and what they cost: the work behind `icbench render` and `icbench animate`.
+//
+// For every sample of a frame: primary hits and direct light, then the integrator's own pass over the stored hits. The
+// two are run and timed apart; the integrator's state (cache, virtual lights) lives through all samples and frames.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "image/image.h"
+#include "render/integrators.h"
+#include "workload/dispatch.h"
+#include "workload/team_crew.h"
+
+namespace icbench {
+
+inline constexpr int kFrameTile = 16;  ///< pixels a side
+
+struct FrameRequest {
+  RayTracer& rays;
+  ThreadTeam& team;
+  const IntegratorEntry& integrator;
+  const CacheEntry& cache;  ///< for integrators that use one
+  int width = 256, height = 256;
+  std::uint32_t spp = 1;       ///< samples per pixel: through the centre if there is one, else jittered
+  std::uint32_t gather = 256;  ///< irradiance_cache: rays per record
+  std::uint32_t vpls = 256;    ///< integrators by virtual point lights: how many
+  float a = 0.2f;              ///< accuracy of the cache
+  TileOrder tiles = TileOrder::morton;
+  std::uint64_t seed = 0;
+  std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
+};
+
+/// What a frame cost.
+struct FrameCost {
+  double seconds = 0.0;           ///< wall time of all passes, and of moving the scene to the frame
+  double seconds_indirect = 0.0;  ///< of the integrator's own pass, with all that it prepares and merges
+  RayCounts rays;
+  PassFigures pass;
+};
+
+class FrameRenderer {
+ public:
+  explicit FrameRenderer(const FrameRequest& request);
+
+  /// Renders the scene's frame `frame`, which need not follow the last one. The picture is valid until the next call.
+  FrameCost render(std::uint32_t frame);
+  const Image& picture() const noexcept { return picture_; }
+
+ private:
+  FrameRequest request_;
+  TeamCrew crew_;
+  std::vector<Tile> tiles_;
+  std::unique_ptr<IndirectPass> pass_;
+  PrimaryHits primary_;
+  Image direct_, indirect_, picture_;
+};
+
+/// Memory that the pixels of a frame take while it is made, bytes; records come on top.
+std::uint64_t frame_bytes(const FrameRequest& request);
+
+/// Tiles that a frame is made of, times samples: the total that `progress` adds up to.
+double frame_work(const FrameRequest& request);
+
+}  // namespace icbench

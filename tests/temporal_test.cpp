@@ -1,0 +1,361 @@
+// Temporal instant caching: after every frame, whatever changed, each record in the cache equals one made anew with the
+// same virtual lights, bit for bit; and so do the lights. Variants of the change that hide something from the source
+// show that the comparison would notice.
+#include "render/temporal.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/moved_boxes.h"
+#include "render_support.h"
+#include "temporal_scenes.h"
+#include "workload/cached_pass.h"
+#include "workload/dispatch.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint32_t kVpls = 128;
+constexpr int kWidth = 32, kHeight = 24;
+
+using Falsify = std::function<void(SceneChange&)>;
+
+/// Passes everything on, and remembers which hit every record was made at.
+class Witness final : public RecordSource {
+ public:
+  explicit Witness(const PassSetup& setup) : source(setup) {}
+
+  RecordsThen begin_frame(const SceneChange& change, Crew& crew) override {
+    return source.begin_frame(change, crew);
+  }
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
+    const Record r = source.evaluate(thread, tracer, x, key);
+    const std::lock_guard lock(mutex_);
+    hits.insert_or_assign({r.p.x, r.p.y, r.p.z}, x.hit);
+    return r;
+  }
+  void settle(unsigned thread, const Record& r, InsertResult result) noexcept override {
+    source.settle(thread, r, result);
+  }
+  UpdateResult update(Record& r) noexcept override { return source.update(r); }
+  std::span<const Record> to_insert() const noexcept override { return source.to_insert(); }
+  void refused(const Record& r) override { source.refused(r); }
+  bool wants_use() const noexcept override { return source.wants_use(); }
+  void used(const Record& r) noexcept override { source.used(r); }
+  void report(PassFigures& figures) const noexcept override { source.report(figures); }
+
+  TemporalSource source;
+  std::map<std::array<float, 3>, Hit> hits;  // by place
+
+ private:
+  std::mutex mutex_;
+};
+
+/// An animation by temporal instant caching through one cache.
+class Film {
+ public:
+  Film(const Scene& scene, std::string_view cache, unsigned threads, int width = kWidth, int height = kHeight,
+       float a = 0.3f, std::uint32_t vpls = kVpls)
+      : rays(scene),
+        crew_(rays, threads),
+        primary(rays.scene(), width, height),
+        direct(blank(width, height)),
+        indirect(blank(width, height)),
+        tiles_(make_tiles(width, height, 8, TileOrder::morton)) {
+    PassSetup setup{rays, crew_, width, height};
+    setup.vpls = vpls;
+    setup.a = a;
+    auto made = std::make_unique<Witness>(setup);
+    witness = made.get();
+    CachedPassSetup cached;
+    cached.cache.bounds = rays.scene().bounds;
+    cached.cache.a = cached.cache.a_max = a;
+    cached.cache.max_sessions = threads;
+    cached.cache.capacity = capacity_for(4ull * primary.hits.size(), threads);
+    pass = find_cache(cache).pass(cached, std::move(made), crew_);
+  }
+
+  void begin(
+      std::uint32_t frame, const Falsify& falsify = [](SceneChange&) {}) {
+    SceneChange change = rays.go_to(static_cast<float>(frame));
+    moved.assign(rays.scene().meshes.size(), false);
+    begun = true;
+    for (const MovedMesh& m : change.moved) moved[m.mesh] = true;
+    falsify(change);
+    pass->begin_frame(change);
+  }
+
+  void render(std::uint32_t frame) {
+    begun = false;
+    const CameraView view(rays.scene().camera, primary.width, primary.height);
+    const SampleKey key{1, frame, 0};
+    const auto for_all = [&](const auto& f) {
+      crew_.for_each(tiles_.size(), 1,
+                     [&](unsigned t, Tracer& tracer, std::size_t i) { f(t, tracer, tiles_[i]); });
+    };
+    for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
+      visible_tile(tracer, pass->light(), view, Lens::centre, key, tile, primary, direct);
+    });
+    pass->begin_sample(primary, key);
+    for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {
+      pass->tile(t, tracer, primary, key, tile, indirect);
+    });
+    pass->end_sample(primary, indirect);
+  }
+
+  /// The first thing in which what is kept differs from what would be made anew; empty if nothing does.
+  std::string difference() {
+    Tracer tracer(rays);
+    const VplSet& vpls = witness->source.vpls();
+    VplSet anew = vpls;
+    if (trace_all(anew, tracer).any()) return "virtual lights";
+    const Bounds& bounds = rays.scene().bounds;
+    const RadiusRays radius(bounds, radius_limits(bounds));
+    const float clamp = vpl_clamp(bounds);
+    std::string first;
+    records = 0;
+    pass->for_each_record([&](const Record& r) {
+      ++records;
+      if (!first.empty()) return;
+      const Hit& hit = witness->hits.at({r.p.x, r.p.y, r.p.z});
+      if (begun && moved[hit.mesh]) first = "a record on a mesh that moved";
+      const Hit point = record_point(hit);
+      DistanceCodes codes;
+      radius.trace(tracer, point, RadiusRays::kAll, codes);
+      const Irradiance E =
+          gather_vpls(tracer, point, vpls.vpls(), clamp) + compensate_record(tracer, point, clamp).E;
+      const Record expected{point.p, point.n, radius.radius(codes), E, r.id};
+      if (r.R != expected.R) first = "radius";
+      if (std::memcmp(&r.E, &E, sizeof E) != 0) first = "irradiance";
+      if (std::memcmp(&r, &expected, sizeof r) != 0 && first.empty()) first = "place";
+    });
+    return first;
+  }
+
+  RayTracer rays;
+
+ private:
+  ThreadCrew crew_;
+
+ public:
+  PrimaryHits primary;
+  Image direct, indirect;
+  Witness* witness = nullptr;
+  std::unique_ptr<IndirectPass> pass;
+  std::vector<bool> moved;    // by mesh
+  bool begun = false;         // a frame, of which nothing has been rendered yet
+  std::uint64_t records = 0;  // seen by difference()
+
+ private:
+  std::vector<Tile> tiles_;
+};
+
+TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
+  for (const NamedScene& s : animated_rooms()) {
+    SCOPED_TRACE(s.name);
+    Film film(s.scene, "wait_free", 2);
+    std::uint64_t updated = 0, dropped = 0, kept = 0;
+    for (std::uint32_t frame = 0; frame < 2 * s.scene.frames; ++frame) {
+      film.begin(frame);
+      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+      film.render(frame);
+      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+      ASSERT_GT(film.records, 20u);
+      const PassFigures f = film.pass->figures();
+      updated += f.records_updated;
+      dropped += f.records_dropped;
+      kept += f.records_kept;
+    }
+    if (s.name == "camera") {
+      EXPECT_EQ(updated, 0u);
+    } else {
+      EXPECT_GT(updated, 0u);
+    }
+    EXPECT_EQ(dropped > 0, s.name == "rigid" || s.name == "deforming" || s.name == "all");
+  }
+}
+
+TEST(Temporal, ItDoesSoWithEveryCacheAndNumberOfThreads) {
+  const Scene scene = animated_room({true, true, true, true, true}, 6);
+  for (const CacheEntry& cache : all_caches()) {
+    for (const unsigned threads : {1u, 5u}) {
+      if (cache.traits.single_thread && threads > 1) continue;
+      SCOPED_TRACE(::testing::Message() << cache.traits.name << ", " << threads << " threads");
+      Film film(scene, cache.traits.name, threads);
+      for (std::uint32_t frame = 0; frame < 7; ++frame) {
+        film.begin(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+        film.render(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+        if (cache.traits.consistency != Consistency::none) {
+          ASSERT_GT(film.records, 20u);
+        }
+      }
+    }
+  }
+}
+
+// Frames until the comparison notices; nothing if it never does.
+std::optional<std::uint32_t> noticed(const Animations& a, const Falsify& falsify) {
+  Film film(animated_room(a), "sequential", 1);
+  for (std::uint32_t frame = 0; frame < 16; ++frame) {
+    film.begin(frame, falsify);
+    if (!film.difference().empty()) return frame;
+    film.render(frame);
+  }
+  return std::nullopt;
+}
+
+TEST(Temporal, WhatIsHiddenFromItIsNoticed) {
+  EXPECT_FALSE(noticed({.rigid = true}, [](SceneChange&) {}));
+  EXPECT_TRUE(noticed({.rigid = true}, [](SceneChange& c) { c.moved.clear(); }));
+  EXPECT_TRUE(noticed({.deforming = true}, [](SceneChange& c) { c.moved.clear(); }));
+  EXPECT_TRUE(noticed({.light = true}, [](SceneChange& c) { c.lights = c.materials = false; }));
+  EXPECT_TRUE(noticed({.material = true}, [](SceneChange& c) { c.materials = false; }));
+  EXPECT_TRUE(noticed({.rigid = true}, [](SceneChange& c) {
+    for (MovedMesh& m : c.moved) m.before = m.after;
+  })) << "the old position is ignored";
+  EXPECT_TRUE(noticed({.rigid = true}, [](SceneChange& c) {
+    for (MovedMesh& m : c.moved) m.after = m.before;
+  })) << "the new position is ignored";
+  EXPECT_TRUE(noticed({.rigid = true}, [](SceneChange& c) {
+    for (MovedMesh& m : c.moved)
+      for (PosedBox* box : {&m.before, &m.after}) {
+        const glm::vec3 margin = 0.15f * (box->box.upper - box->box.lower);
+        box->box = {box->box.lower + margin, box->box.upper - margin};
+      }
+  })) << "the boxes are too small";
+}
+
+TEST(Temporal, NothingDriftsOverManyFrames) {
+  Film film(animated_room({.rigid = true, .deforming = true, .camera = true}, 7), "wait_free", 1, 8, 6, 0.5f,
+            64);
+  std::uint64_t most = 0;
+  std::size_t bytes = 0;
+  for (std::uint32_t frame = 0; frame < 2000; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    if (frame % 100 < 7) {
+      ASSERT_EQ(film.difference(), "") << "frame " << frame;
+    }
+    most = std::max(most, film.pass->figures().records);
+    if (frame == 200) bytes = film.pass->figures().bytes_beside_cache;
+  }
+  EXPECT_LT(most, 1000u);
+  EXPECT_EQ(film.pass->figures().bytes_beside_cache, bytes) << "ids of dropped records are not used again";
+}
+
+TEST(Temporal, RecordsThatNoPixelUsesGoInTime) {
+  // Every frame looks elsewhere and leaves many records behind.
+  Film film(animated_room({.camera = true}, 97), "wait_free", 1, 64, 48, 0.03f, 16);
+  std::uint64_t made = 0, dropped = 0, most = 0;
+  for (std::uint32_t frame = 0; frame < 30; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    const PassFigures f = film.pass->figures();
+    made += f.use.inserts;
+    dropped += f.records_dropped;
+    most = std::max(most, f.records);
+    ASSERT_EQ(f.records, made - dropped);
+  }
+  EXPECT_GT(made, 15'000u) << "the test asks for too few records";
+  EXPECT_GT(dropped, made / 3);
+  EXPECT_LT(most, 2 * 64 * 48 + 4096 + 64 * 48);
+  ASSERT_EQ(film.difference(), "");
+}
+
+TEST(Temporal, ItsPicturesAreThoseOfStaticInstantCaching) {
+  const Scene scene = animated_room({true, true, false, false, false});
+  Film film(scene, "sequential", 1, 64, 48, 0.15f);
+  const IntegratorEntry& still = find_integrator("instant_caching");
+  double kept = 0.0, fresh = 0.0;
+  ThreadCrew crew(film.rays, 1);
+  PassSetup setup{film.rays, crew, 64, 48};
+  setup.vpls = kVpls;
+  CachedPassSetup cached;
+  cached.cache.bounds = film.rays.scene().bounds;
+  cached.cache.a = cached.cache.a_max = 0.15f;
+  cached.cache.capacity = capacity_for(64 * 48, 1);
+  const auto pass = find_cache("sequential").pass(cached, still.source(setup), crew);
+  Image image = blank(64, 48);
+  for (std::uint32_t frame = 0; frame < 16; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    pass->begin_frame({});
+    pass->begin_sample(film.primary, {});
+    crew.run([&](unsigned t, Tracer& tracer) {
+      for (const Tile& tile : make_tiles(64, 48, 8, TileOrder::morton))
+        pass->tile(t, tracer, film.primary, {}, tile, image);
+    });
+    pass->end_sample(film.primary, image);
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+      kept += film.indirect.pixels[i].x + film.indirect.pixels[i].y + film.indirect.pixels[i].z;
+      fresh += image.pixels[i].x + image.pixels[i].y + image.pixels[i].z;
+    }
+  }
+  EXPECT_NEAR(kept / fresh, 1.0, 0.01);
+}
+
+TEST(MovedBoxes, EverySegmentThatMeetsTheMeshIsTold) {
+  Scene scene = animated_room({.rigid = true});
+  RayTracer rays(scene);
+  const std::uint32_t moving = static_cast<std::uint32_t>(scene.meshes.size() - 1);
+  Tracer tracer(rays);
+  Pcg32 random(7);
+  std::uint64_t meeting = 0, told = 0;
+  for (std::uint32_t frame = 1; frame < 16; ++frame) {
+    const MovedBoxes boxes(rays.go_to(static_cast<float>(frame)), rays.epsilon());
+    for (int i = 0; i < 2000; ++i) {
+      const auto point = [&] {
+        return glm::vec3(1.98f * random.uniform() - 0.99f, 1.98f * random.uniform() + 0.01f,
+                         1.98f * random.uniform() - 0.99f);
+      };
+      const glm::vec3 from = point(), to = point();
+      const Hit hit = tracer.intersect(Ray{from, 1.0f, to - from});
+      const bool meets = boxes.meet(from, to);
+      told += meets;
+      if (hit.missed() || hit.mesh != moving) continue;
+      ++meeting;
+      ASSERT_TRUE(meets);
+      // And where it ends on the mesh, or begins there.
+      ASSERT_TRUE(boxes.meet(from, hit.p));
+      ASSERT_TRUE(boxes.meet(hit.p, to));
+    }
+  }
+  EXPECT_GT(meeting, 200u);
+  EXPECT_LT(told, 15 * 2000 / 3) << "hardly a segment is spared";
+}
+
+TEST(MovedBoxes, ManySegmentsAtOnceAreJudgedAsOneByOne) {
+  RayTracer rays(animated_room({true, true, false, false, false}));
+  const MovedBoxes boxes(rays.go_to(3.0f), rays.epsilon());
+  Pcg32 random(3);
+  std::vector<float> x, y, z;
+  for (int i = 0; i < 130; ++i) {
+    x.push_back(2.0f * random.uniform() - 1.0f);
+    y.push_back(2.0f * random.uniform());
+    z.push_back(2.0f * random.uniform() - 1.0f);
+  }
+  const SegmentEnds ends(boxes, {x.data(), y.data(), z.data(), x.size()});
+  for (int k = 0; k < 50; ++k) {
+    const glm::vec3 from(2.0f * random.uniform() - 1.0f, 2.0f * random.uniform(),
+                         2.0f * random.uniform() - 1.0f);
+    std::vector<std::uint64_t> hits(3);
+    ends.mark(from, hits);
+    for (std::size_t i = 0; i < x.size(); ++i)
+      ASSERT_EQ((hits[i / 64] >> (i % 64)) & 1u, boxes.meet(from, {x[i], y[i], z[i]}));
+    ASSERT_EQ(hits[2] >> 2, 0u);
+  }
+}
+
+}  // namespace
+}  // namespace icbench
