@@ -60,8 +60,8 @@ inline constexpr std::array kScenes{
                lit_floor},
 };
 
-/// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its user. Throws
-/// std::runtime_error with one line, naming the known scenes if the name is neither.
+/// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its
+/// user. Throws std::runtime_error with one line, naming the known scenes if the name is neither.
 Scene make_scene(std::string_view name, std::vector<std::string>* notes = nullptr);
 
 }  // namespace icbench
