@@ -25,7 +25,7 @@ from thesis_results import kFiles, Measured, load
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kPicturePixels = 288  # largest side of a picture on the page
 kPictures = (("rt", "RT: direct light only"), ("igi", "IGI"), ("tic", "TIC"), ("path", "path tracing"),
-             ("hdrvdp_tic_path", "TIC against path tracing"), ("hdrvdp_tic_igi", "TIC against IGI"))
+             ("hdrvdp_tic_path_clean", "TIC against path tracing, indirect light"), ("hdrvdp_tic_igi", "TIC against IGI"))
 kMethods = (
     ("RT", "Whitted ray tracing: direct light only. The floor for time, and how dark it is without indirect light."),
     ("Path tracing", "The reference: unbiased, slow."),
@@ -72,7 +72,8 @@ def _gallery(measured: Measured) -> str:
     if not made:
         return ""
     return ('<p class="note">The last frame (stills: the only one), one sample a pixel, all of a scene under one exposure. Maps: '
-            "grey where a human would see no difference (HDR-VDP), turning to green at a probability of 75 % and to red at 95 %."
+            "grey where a human would see no difference (HDR-VDP), turning to green at a probability of 75 % and to red at 95 %; the "
+            "one against path tracing with converged direct light, so that it shows the indirect light's error alone."
             f"</p>{''.join(made)}")
 
 

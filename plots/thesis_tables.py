@@ -32,12 +32,15 @@ def percent(value, digits: int = 2) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-def _verdict(measured: Measured, row: str) -> Cell:
-    """ours / thesis with its verdict, from the list of targets."""
+def _beside(measured: Measured, row: str) -> Cell:
+    """The thesis's figure, and below it ours over it with the verdict, from the list of targets."""
     found = next((t for t in measured.data["targets"] if t["name"] == row), None)
-    if not found or found["median"] is None:
+    if not found:
         return kEmpty
-    return Cell(style.number(found["median"] / found["target"]), found["verdict"], kVerdicts[found["verdict"]])
+    if found["median"] is None:
+        return Cell(f"{found['target']:.2f}")
+    return Cell(f"{found['target']:.2f}", f"{style.number(found['median'] / found['target'])}, {found['verdict']}",
+                kVerdicts[found["verdict"]])
 
 
 def _vpls(scene: dict) -> Cell:
@@ -48,8 +51,10 @@ def _vpls(scene: dict) -> Cell:
 def vpl_numbers(measured: Measured) -> Grid:
     grid = Grid("vpls", "Number of virtual point lights per scene",
                 "Chosen by quality, on the last frame: the smallest count from which on IGI's visible error against path "
-                "tracing stays within a tenth, or 0.1 percentage points, of that at the largest count. It decides every ratio "
-                "of speeds, and is the same for all methods.",
+                "tracing stays within a tenth, or 0.1 percentage points, of that at the largest count. For this its direct "
+                "light is exchanged for that of as many samples as the reference has: the noise of area lights, which all "
+                "methods share, would hide what VPLs do. The number decides every ratio of speeds, and is the same for all "
+                "methods.",
                 ["scene", "VPLs", "IGI at that number, P > 75 %", "IGI at the largest", "largest", "seconds a frame there"])
     for scene in measured.scenes.values():
         curve = scene["vpls"]["curve"]
@@ -79,11 +84,11 @@ def whole_frames(measured: Measured) -> Grid:
 def indirect_time(measured: Measured) -> Grid:
     grid = Grid("indirect", "Seconds a frame for the indirect light (Table 6.4 in kind)",
                 "Means over all frames, medians over rounds [interval]; all methods gather by packets of shadow rays. "
-                "\"ours / thesis\" is our ratio over the thesis's, and passes when the whole interval of our ratio reaches the "
+                "Below the thesis's ratio: ours over it, which passes when the whole interval of ours reaches the "
                 "thesis's. \"later frames\" leaves out the first, in which TIC has nothing to reuse.",
-                ["scene", "VPLs", "IGI", "interleaved", "IC", "TIC", "ours", "thesis", "ours / thesis", "later frames",
-                 "ours", "thesis", "ours / thesis", "later frames", "ours", "later frames"],
-                groups=[("", 2), ("seconds", 4), ("IGI / TIC", 4), ("IC / TIC", 4), ("interleaved / TIC", 2)])
+                ["scene", "VPLs", "IGI", "interleaved", "IC", "TIC", "ours", "thesis", "later frames", "ours", "thesis",
+                 "later frames", "ours", "later frames"],
+                groups=[("", 2), ("seconds", 4), ("IGI / TIC", 3), ("IC / TIC", 3), ("interleaved / TIC", 2)])
     for name, scene in measured.animations.items():
         time, theirs = scene["time"], measured.data["thesis"]["indirect_times"].get(name)
         over, later = time["indirect_over_tic"], time["indirect_over_tic_after_first"]
@@ -95,36 +100,41 @@ def indirect_time(measured: Measured) -> Grid:
 
         row = [Cell(scene["title"]), _vpls(scene), *(seconds(m) for m in ("igi", "interleaved", "ic", "tic"))]
         for method, key in (("igi", "igi_over_tic"), ("ic", "ic_over_tic")):
-            row += [cell(over[method]), Cell(f"{theirs[key]:.2f}") if theirs else kEmpty, _verdict(measured, f"{key}/{name}"),
-                    cell(later[method])]
+            row += [cell(over[method]), _beside(measured, f"{key}/{name}"), cell(later[method])]
         grid.rows.append([*row, cell(over["interleaved"]), cell(later["interleaved"])])
     return grid
 
 
 def perceived(measured: Measured) -> Grid:
-    pairs = ("tic_path", "tic_igi")
-    scale = ("igi_path", "interleaved_path", "super_path")
-    spp = measured.data["settings"]["super_spp"]
+    settings = measured.data["settings"]
+    spp = settings["super_spp"]
+    plain, clean = ("igi_path", "interleaved_path", "super_path"), ("tic", "igi", "interleaved")
     grid = Grid("perceived", "Pixels that a human would tell apart, percent (Table 6.5 in kind)",
                 "HDR-VDP of 2005 on the last frame, one sample a pixel, against path tracing with "
-                f"{measured.data['settings']['reference_spp']:,} samples. In smaller type: the thesis. For scale: IGI itself, IGI "
-                f"with {spp} samples a pixel (what is left without aliasing), and the two halves of the reference against each "
-                "other (its own error, each half having half of the samples).",
-                ["scene", "VPLs", *("P > 75 %", "P > 95 %") * 2, "verdict", "IGI", "interleaved", f"IGI, {spp} samples",
-                 "halves of the reference"],
-                groups=[("", 2), ("TIC against path tracing", 2), ("TIC against IGI", 2), ("at most 0.33 %", 1),
-                        ("against path tracing, P > 75 %", 4)])
+                f"{settings['reference_spp']:,} samples. In smaller type: the thesis. For scale, P > 75 % of IGI itself, of "
+                f"IGI with {spp} samples a pixel (what is left with less aliasing and noise of direct light), and of the two "
+                "halves of the reference against each other (its own error; each half has half of the samples). Clean: direct "
+                "light exchanged for that of as many samples as the reference has, so that the indirect light's error stands "
+                "alone.",
+                ["scene", "VPLs", *("P > 75 %", "P > 95 %") * 2, "verdict", "IGI", "inter- leaved", f"IGI, {spp} spp", "halves",
+                 "TIC", "IGI", "inter- leaved"],
+                groups=[("", 2), ("TIC against path tracing", 2), ("TIC against IGI", 3), ("against path tracing", 4),
+                        ("the same, clean", 3)])
     for name, scene in measured.scenes.items():
         theirs, quality = measured.data["thesis"]["perceived"].get(name), scene["quality"]
+
+        def at(pair, quality=quality):
+            return Cell(percent((quality.get(pair) or {}).get("p75")))
+
         row = [Cell(scene["title"]), _vpls(scene)]
-        for pair in pairs:
+        for pair in ("tic_path", "tic_igi"):
             for level in ("p75", "p95"):
                 key = f"{level}_{pair.removeprefix('tic_')}"
                 row.append(Cell(percent((quality.get(pair) or {}).get(level)), f"thesis {theirs[key]:.2f}" if theirs else ""))
         found = next((t for t in measured.data["targets"] if t["name"] == f"perceived/{name}"), None)
         row.append(Cell(found["verdict"], "", kVerdicts[found["verdict"]]) if found else kEmpty)
-        row += [Cell(percent((quality.get(pair) or {}).get("p75"))) for pair in scale]
-        grid.rows.append([*row, Cell(percent((scene["reference"]["halves"] or {}).get("p75")))])
+        row += [*map(at, plain), Cell(percent((scene["reference"]["halves"] or {}).get("p75")))]
+        grid.rows.append([*row, *(at(f"{method}_path_clean") for method in clean)])
     return grid
 
 
@@ -163,7 +173,7 @@ def over_frames(measured: Measured) -> Grid:
 def equal_error(measured: Measured) -> Grid:
     s = measured.data["settings"]
     grid = Grid("equal_error", "Speed-up at equal error",
-                f"TIC as in the tables, against IGI with {s['converged_vpls']:,} VPLs on the last {s['converged_frames']} frames. A "
+                f"TIC as in the tables, against IGI with {s['converged_vpls']:,} VPLs on the last {style.plural(s['converged_frames'], 'frame')}. A "
                 "rival's seconds for TIC's error are interpolated between its settings (logarithm of time over logarithm of "
                 "error, along those that no other beats in both); ≤ and ≥ mark bounds: that error lies outside what was "
                 "measured, and nothing is extrapolated. Ratios of steady frames, without TIC's first.",

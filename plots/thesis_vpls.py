@@ -57,8 +57,8 @@ FIGURE = Figure(
     "thesis_vpls", "How many virtual point lights a scene needs",
     "Percent of pixels that a human would tell apart from a path-traced picture (HDR-VDP), for IGI over the number of "
     "virtual point lights. The dashed line is the number chosen for the scene: the smallest from which on the error stays "
-    "within a tenth, or 0.1 percentage points, of that at the largest. What remains there is aliasing at one sample a pixel, "
-    "which all methods share. The number decides every speed ratio, and is the same for all methods.",
+    "within a tenth, or 0.1 percentage points, of that at the largest. Direct light is exchanged for that of many samples, so that "
+    "the noise of area lights does not hide what VPLs do. The number decides every speed ratio, and is the same for all methods.",
     build)
 
 if __name__ == "__main__":

@@ -114,8 +114,15 @@ def _perception(scenes: dict) -> list[dict]:
                "HDR-VDP, P > 75 %, TIC against path tracing, last frame.", [
                    _part(s["title"], _perceived(s, "tic_path"), "at_most", kMostAgainstPath, "%")
                    for s in scenes.values()
-               ])
+               ], _clean_remark(scenes))
     ]
+
+
+def _clean_remark(scenes: dict) -> str:
+    clean = [_path(s, "quality", "tic_path_clean", "p75") for s in scenes.values()]
+    clean = [value for value in clean if value is not None]
+    return ("This counts the noise of direct light and the aliasing that RT has too. With converged direct light it is at "
+            f"most {max(clean):.2f} %.") if clean else ""
 
 
 def _minutes(scenes: dict) -> dict:

@@ -174,7 +174,7 @@ class Run:
             keep(method, pictures.read(path), exposure)
             if plan.is_animation:
                 self._frames(plan, method, path.parent, exposure, made)
-        for name in ("tic_path", "tic_igi"):
+        for name in ("tic_path_clean", "tic_igi"):
             job = plan.quality.get(name)
             if job and self.store.result(job) is not None:
                 self.store.ensure(job, files=True)

@@ -129,10 +129,10 @@ def encode(picture: np.ndarray) -> bytes:
         struct.pack("<ii", y, width * 12) + planes[y].tobytes() for y in range(height))
 
 
-def write_mean(sources: tuple[str, ...], target: str, folder: Path) -> dict:
-    """The mean of pictures of one size, in `folder`."""
-    parts = [read(folder / source).astype(np.float64) for source in sources]
-    (folder / target).write_bytes(encode(np.mean(parts, axis=0).astype(np.float32)))
+def write_sum(weights: dict[str, float], target: str, folder: Path) -> dict:
+    """The weighted sum of pictures of one size, by name, in `folder`."""
+    total = sum(weight * read(folder / name).astype(np.float64) for name, weight in weights.items())
+    (folder / target).write_bytes(encode(total.astype(np.float32)))
     return {}
 
 

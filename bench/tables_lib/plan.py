@@ -44,6 +44,7 @@ class Plan:
     is_animation: bool
     halves: list[Job]
     reference: Job
+    direct: Job  # RT with as many samples
     reference_error: Job
     sweep: dict[tuple[int, int], Job] = field(default_factory=dict)  # (vpls, seed): IGI's last frame
     sweep_errors: dict[tuple[int, int], Job] = field(default_factory=dict)
@@ -62,21 +63,36 @@ class Plan:
 
     def choice(self) -> list[Job]:
         """What the number of VPLs is chosen from."""
-        return [
-            *self.halves, self.reference, self.reference_error, *self.sweep.values(),
+        return with_inputs([
+            *self.halves, self.reference, self.direct, self.reference_error, *self.sweep.values(),
             *self.sweep_errors.values()
-        ]
+        ])
 
     def jobs(self) -> list[Job]:
         """All jobs in the order in which they run: methods that are compared in time alternate."""
         curve = [
             job for entry in self.curve.values() for job in (entry if isinstance(entry, list) else [entry])
         ]
-        return [
+        return with_inputs([
             *self.choice(), *self.timing.values(), *self.frames.values(),
             *([self.super] if self.super else []), *self.quality.values(), *self.over_frames.values(),
             *self.converged, *curve, *self.curve_errors.values(), *self.mechanisms.values()
-        ]
+        ])
+
+
+def with_inputs(jobs: list[Job]) -> list[Job]:
+    """The jobs, each after those whose files it reads; none twice."""
+    found: dict[Job, None] = {}
+
+    def add(job: Job) -> None:
+        if job not in found:
+            for each in job.inputs:
+                add(each.job)
+            found[job] = None
+
+    for job in jobs:
+        add(job)
+    return list(found)
 
 
 def neighbours(counts: tuple[int, ...], chosen: int) -> list[int]:
@@ -155,13 +171,28 @@ class Planner:
     def _pictures(self, scene: str, label: str, a: Job, b: Job, metrics: str = kPictureMetrics, *,
                   maps: bool = False, frame: int | None = None) -> Job:
         """b against a; a job that made all frames gives the frame asked for."""
-        def one(name, job):
-            return [
-                Input(name, job,
-                      "picture.exr" if "picture.exr" in job.outputs else pictures.frame_path(frame))
-            ]
+        return self.compare(scene, label, [self._one("a.exr", a, frame)], [self._one("b.exr", b, frame)], metrics, maps)
 
-        return self.compare(scene, label, one("a.exr", a), one("b.exr", b), metrics, maps)
+    @staticmethod
+    def _one(name: str, job: Job, frame: int | None) -> Input:
+        return Input(name, job, "picture.exr" if "picture.exr" in job.outputs else pictures.frame_path(frame))
+
+    def _sum(self, scene: str, label: str, parts: list[tuple[Job, float]], frame: int,
+             reference: bool = False) -> Job:
+        """A picture made of others with weights."""
+        inputs = tuple(self._one(f"{i}.exr", job, frame) for i, (job, _) in enumerate(parts))
+        weights = {each.name: weight for each, (_, weight) in zip(inputs, parts)}
+        return Job(scene, label, ("sum of pictures", *(f"{w:g}" for w in weights.values())), "sum",
+                   0.1 + self.pixels * 1e-6, ("picture.exr", ), inputs, is_reference=reference,
+                   internal=partial(pictures.write_sum, weights, "picture.exr"))
+
+    def _clean(self, plan: Plan, label: str, job: Job, rt: Job, frame: int) -> Job:
+        """A method's picture with its direct light exchanged for that of many samples: what is left of its error is
+        the indirect light's, not the noise of area lights and the aliasing that all methods share. RT with the same
+        seed has the same direct light, sample by sample.
+        """
+        return self._sum(plan.scene, f"{label}, with converged direct light", [(job, 1), (rt, -1), (plan.direct, 1)],
+                         frame)
 
     def start(self, scene: str, is_animation: bool) -> Plan:
         """What the number of VPLs is chosen from: references and IGI over VPL counts, on the last frame."""
@@ -171,13 +202,14 @@ class Planner:
             self.render(scene, "path", f"path tracing, half {i + 1} of the reference", last, spp=half,
                         seed=self.settings.seed + i, reference=True) for i in range(2)
         ]
-        mean_inputs = tuple(Input(f"{i}.exr", job, "picture.exr") for i, job in enumerate(halves))
-        reference = Job(scene, "mean of the reference's halves", ("mean of two pictures", ), "mean",
-                        0.1 + self.pixels * 1e-7, ("picture.exr", ), mean_inputs, is_reference=True,
-                        internal=partial(pictures.write_mean, ("0.exr", "1.exr"), "picture.exr"))
-        plan = Plan(scene, is_animation, halves, reference,
+        reference = self._sum(scene, "mean of the reference's halves", [(halves[0], 0.5), (halves[1], 0.5)], last,
+                              reference=True)
+        direct = self.render(scene, "rt", f"RT, {scale.reference_spp} samples a pixel", last,
+                             spp=scale.reference_spp)
+        plan = Plan(scene, is_animation, halves, reference, direct,
                     self._pictures(scene, "halves of the reference", halves[0], halves[1]))
         for seed in range(self.settings.seed, self.settings.seed + scale.vpl_seeds):
+            noisy = self.render(scene, "rt", f"RT, seed {seed}", last, seed=seed)
             for count in scale.vpl_counts:
                 job = self.render(scene, "igi", f"IGI, {count} VPLs, seed {seed}", last, vpls=count,
                                   seed=seed)
@@ -223,9 +255,12 @@ class Planner:
             "interleaved_path": (plan.reference, made["interleaved"]),
             "super_path": (plan.reference, plan.super)
         }
+        for method in ("tic", "igi", "interleaved"):
+            clean = self._clean(plan, title(method), made[method], made["rt"], last)
+            pairs[f"{method}_path_clean"] = (plan.reference, clean)
         for name, (a, b) in pairs.items():
-            plan.quality[name] = self._pictures(scene, f"last frame, {name.replace('_', ' against ')}", a, b,
-                                                maps=name in ("tic_path", "tic_igi"), frame=last)
+            plan.quality[name] = self._pictures(scene, f"last frame, {name.replace('_', ' ')}", a, b,
+                                                maps=name in ("tic_path_clean", "tic_igi"), frame=last)
         if plan.is_animation:
             for method in ("tic", "ic", "interleaved"):
                 plan.over_frames[method] = self.compare(scene, f"all frames, {title(method)} against IGI",

@@ -47,7 +47,7 @@ def _errors(store: Store, job: Job | None) -> dict | None:
 
 
 def vpl_curve(store: Store, plan: Plan) -> list[dict]:
-    """IGI's error against path tracing over VPL counts: medians over sets of VPLs. Counts without a figure are left out."""
+    """IGI's error against path tracing over VPL counts, with converged direct light: medians over sets of VPLs. Counts without a figure are left out."""
     points = []
     for count in sorted({count for count, _ in plan.sweep}):
         seeds = [seed for c, seed in plan.sweep if c == count]
