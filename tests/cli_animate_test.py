@@ -50,8 +50,8 @@ class Animate(Case):
         first, *others = self.load("a.json")["frames"]
         self.assertGreater(first["records"], 0)
         for frame in others:
-            self.assertEqual((frame["shadow_rays"], frame["light_paths_retraced"]),
-                             (others[0]["shadow_rays"], 0))
+            self.assertEqual(frame["light_paths_retraced"], 0)
+            self.assertLess(frame["shadow_rays"], 16 * 16 + 1, "one for the direct light of each pixel")
             self.assertEqual(frame["records_kept"], first["records"])
             self.assertEqual((frame["records_updated"], frame["records_dropped"]), (0, 0))
 

@@ -17,6 +17,7 @@
 
 #include "render/moved_boxes.h"
 #include "render_support.h"
+#include "scene/registry.h"
 #include "temporal_scenes.h"
 #include "workload/cached_pass.h"
 #include "workload/dispatch.h"
@@ -181,6 +182,19 @@ TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
       EXPECT_GT(updated, 0u);
     }
     EXPECT_EQ(dropped > 0, s.name == "rigid" || s.name == "deforming" || s.name == "all");
+  }
+}
+
+TEST(Temporal, ItDoesSoInTheScenesOfTheSuite) {
+  for (const char* name : {"cornell_box", "cornell_lamp", "wobble", "desk"}) {
+    SCOPED_TRACE(name);
+    Film film(make_scene(name), "wait_free", 2, 16, 12, 0.3f, 64);
+    for (std::uint32_t frame = 0; frame < 4; ++frame) {
+      film.begin(frame);
+      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+      film.render(frame);
+      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+    }
   }
 }
 

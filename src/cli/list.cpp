@@ -1,6 +1,7 @@
 // icbench list: what can be named elsewhere.
 #include <fmt/format.h>
 
+#include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -72,8 +73,8 @@ std::string cell(const Json& value) {
 }
 
 /// Columns as wide as their widest cell, the last one ragged.
-void print_table(const Json& rows) {
-  if (rows.empty()) return;
+std::string table(const Json& rows) {
+  if (rows.empty()) return {};
   std::vector<std::string> keys;
   for (const auto& [key, value] : rows.front().items()) keys.push_back(key);
   std::vector<std::size_t> widths;
@@ -82,12 +83,14 @@ void print_table(const Json& rows) {
     for (const Json& row : rows) width = std::max(width, cell(row.at(key)).size());
     widths.push_back(key == keys.back() ? 0 : width);
   }
-  const auto print_line = [&](auto&& text) {
+  std::string out;
+  const auto add_line = [&](auto&& text) {
     for (std::size_t i = 0; i < keys.size(); ++i)
-      fmt::print("{:<{}}{}", text(keys[i]), widths[i], i + 1 == keys.size() ? "\n" : "  ");
+      out += fmt::format("{:<{}}{}", text(keys[i]), widths[i], i + 1 == keys.size() ? "\n" : "  ");
   };
-  print_line([](const std::string& key) { return key; });
-  for (const Json& row : rows) print_line([&](const std::string& key) { return cell(row.at(key)); });
+  add_line([](const std::string& key) { return key; });
+  for (const Json& row : rows) add_line([&](const std::string& key) { return cell(row.at(key)); });
+  return out;
 }
 
 struct Listing {
@@ -119,11 +122,8 @@ void add_list(CLI::App& app) {
       known.push_back(listing.name);
       if (listing.name != options->what) continue;
       const Json rows = listing.make();
-      if (options->json) {
-        fmt::print("{}\n", rows.dump(2));
-      } else {
-        print_table(rows);
-      }
+      const std::string text = options->json ? rows.dump(2) + "\n" : table(rows);
+      std::fputs(text.c_str(), stdout);  // the program tells in the end if it did not arrive
       return;
     }
     throw std::runtime_error(unknown_name("listing", options->what, known));

@@ -1,9 +1,10 @@
 // Instant caching (Dubla 2012, 6.2): records whose irradiance is gathered from virtual point lights (VPLs) by shadow
 // rays, as instant global illumination does at every pixel.
 //
-// How a record is evaluated serves temporal instant caching too: both make the same records of the same VPLs, bit for
-// bit. Everything about a record follows from its point: irradiance is the gather's sum in fixed order, with
-// compensation by rays whose random numbers depend on the place alone; the radius follows from a few fixed rays.
+// How a record is evaluated serves temporal instant caching too: both make the same records of the same VPLs, but that
+// records which are not kept have their rays traced in the faster packing. Everything about a record follows from its
+// point: irradiance is the gather's sum in fixed order, with compensation by rays whose random numbers depend on the
+// place alone; the radius follows from a few fixed rays.
 #pragma once
 
 #include <cstdint>
@@ -32,8 +33,9 @@ inline Hit record_point(const Hit& hit) noexcept {
 /// What a record's compensation is drawn from: its place.
 std::uint64_t compensation_key(const glm::vec3& p) noexcept;
 
-inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp) noexcept {
-  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p));
+inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp,
+                                      Packing packing = Packing::exact) noexcept {
+  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing);
 }
 
 /// Traces paths of a set anew, by a crew.
