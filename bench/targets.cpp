@@ -94,19 +94,19 @@ nlohmann::ordered_json to_json(const Row& row, const Measured& m) {
   return j;
 }
 
-std::vector<const Row*> rows_of(const std::string& list) {
+/// Those of `all` that `list` names; all of them if it is empty.
+std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& list) {
   std::vector<const Row*> out;
   std::vector<std::string_view> known;
-  for (const Row& row : kRows) {
+  for (const Row& row : all) {
     known.push_back(row.name);
     if (list.empty()) out.push_back(&row);
   }
   for (std::size_t begin = 0; !list.empty() && begin <= list.size();) {
     const std::size_t end = std::min(list.find(',', begin), list.size());
     const std::string_view name = std::string_view(list).substr(begin, end - begin);
-    const auto at =
-        std::find_if(kRows.begin(), kRows.end(), [&](const Row& row) { return row.name == name; });
-    if (at == kRows.end()) throw std::runtime_error(unknown_name("row", name, known));
+    const auto at = std::find_if(all.begin(), all.end(), [&](const Row& row) { return row.name == name; });
+    if (at == all.end()) throw std::runtime_error(unknown_name("row", name, known));
     out.push_back(&*at);
     begin = end + 1;
   }
@@ -114,7 +114,8 @@ std::vector<const Row*> rows_of(const std::string& list) {
 }
 
 int run(const Options& o) {
-  const std::vector<const Row*> rows = rows_of(o.rows);
+  const std::vector<Row> all = all_rows();
+  const std::vector<const Row*> rows = rows_of(all, o.rows);
   const Topology topology = Topology::of_this_process();
   const Work work = Work::calibrate();
   nlohmann::ordered_json json = nlohmann::ordered_json::array();

@@ -111,9 +111,15 @@ class RaySource {
   std::vector<Triangle> triangles_;
 };
 
+Scene still() {
+  Scene s = make_scene("cornell_box");
+  for (Mesh& mesh : s.meshes) mesh.pose = {};
+  return s;
+}
+
 // The Cornell box, in which the bunny moves and a second one stands in place; a third moves far away.
 Scene animated() {
-  Scene s = make_scene("cornell_box");
+  Scene s = still();
   const auto bunny = static_cast<std::uint32_t>(s.meshes.size() - 1);
   const auto turn = [](float angle, const glm::vec3& shift) {
     const float c = std::cos(angle), n = std::sin(angle);
@@ -138,15 +144,15 @@ Scene animated() {
 }
 
 TEST(RenderOcclusion, PacketsOfAStillSceneAnswerEveryRayAsWhenItIsAlone) {
-  const RayTracer rays(make_scene("cornell_box"));
+  const RayTracer rays(still());
   Tracer tracer(rays);
   RaySource source(rays, 1);
   for (const Aim aim : kAims) {
     std::uint64_t hits = 0;
     for (int n = 0; n < 700; ++n) {
       const FanOfRays fan = source.fan(aim);
-      const std::uint64_t packed =
-          tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), ~std::uint64_t{0});
+      const std::uint64_t packed = tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(),
+                                                        ~std::uint64_t{0}, Packing::exact);
       std::uint64_t alone = 0;
       for (int i = 0; i < 64; ++i) alone |= std::uint64_t{tracer.occluded(fan.ray(i))} << i;
       ASSERT_EQ(packed, alone) << "rays of kind " << static_cast<int>(aim);
@@ -166,7 +172,8 @@ TEST(RenderOcclusion, AnAnswerDoesNotDependOnTheRaysAskedWithItNorOnWhatMovesEls
     for (int n = 0; n < 400; ++n) {
       const FanOfRays fan = source.fan(aim);
       const auto ask = [&](std::uint64_t which) {
-        return tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), which);
+        return tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), which,
+                                    Packing::exact);
       };
       const std::uint64_t all = ask(~std::uint64_t{0});
       for (const std::uint64_t which : {hash_keys(random()), hash_keys(random()) & hash_keys(random()),
@@ -180,7 +187,8 @@ TEST(RenderOcclusion, AnAnswerDoesNotDependOnTheRaysAskedWithItNorOnWhatMovesEls
     for (const auto& [fan, all] : asked) {
       const bool up = fan.from.y > 20.0f || std::ranges::any_of(fan.y, [](float y) { return y > 20.0f; });
       if (up) continue;
-      ASSERT_EQ(tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), ~std::uint64_t{0}),
+      ASSERT_EQ(tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), ~std::uint64_t{0},
+                                     Packing::exact),
                 all);
     }
   }
@@ -193,8 +201,8 @@ TEST(RenderOcclusion, MovingShapesHideWhatEmbreesInstancesHide) {
   std::uint64_t differ = 0, hits = 0;
   for (int n = 0; n < 1500; ++n) {
     const FanOfRays fan = source.fan(Aim::surface);
-    const std::uint64_t packed =
-        tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(), ~std::uint64_t{0});
+    const std::uint64_t packed = tracer.occluded_from(fan.from, fan.x.data(), fan.y.data(), fan.z.data(),
+                                                      ~std::uint64_t{0}, Packing::exact);
     for (int i = 0; i < 64; ++i) {
       const bool one = (packed >> i & 1u) != 0;
       differ += one != tracer.occluded(fan.ray(i));

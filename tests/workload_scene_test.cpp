@@ -40,18 +40,21 @@ TEST(ScenePlan, SeedFixesPointsAndRecords) {
   }
 }
 
+// Small and large, still and moving, flat and finely curved; all of them would take a minute.
+constexpr const char* kSomeScenes[] = {"cornell_box", "wobble", "sibenik", "white_furnace", "lit_floor"};
+
 TEST(ScenePlan, CachesAcceptAllPointsAndRecords) {
-  for (const SceneEntry& entry : kScenes) {
-    const SyntheticPlan plan(parse_workload("insert_only:records=500"), scene(std::string(entry.name)), 1);
+  for (const std::string name : kSomeScenes) {
+    const SyntheticPlan plan(parse_workload("insert_only:records=500"), scene(name), 1);
     const Bounds bounds = plan.config(1).bounds;
-    for (const SurfacePoint& x : plan.points()) ASSERT_TRUE(is_askable(x, bounds)) << entry.name;
-    for (const Record& r : plan.records()) ASSERT_TRUE(is_storable(r, bounds)) << entry.name;
+    for (const SurfacePoint& x : plan.points()) ASSERT_TRUE(is_askable(x, bounds)) << name;
+    for (const Record& r : plan.records()) ASSERT_TRUE(is_storable(r, bounds)) << name;
   }
 }
 
 TEST(ScenePlan, SixRecordsAreValidAtAPointOnAverage) {
-  for (const SceneEntry& entry : kScenes) {
-    const SyntheticPlan plan(parse_workload("read_only:records=3000"), scene(std::string(entry.name)), 1);
+  for (const std::string name : kSomeScenes) {
+    const SyntheticPlan plan(parse_workload("read_only:records=3000"), scene(name), 1);
     Pcg32 random(1);
     constexpr int kProbes = 2000;
     std::uint64_t valid = 0;
@@ -59,7 +62,7 @@ TEST(ScenePlan, SixRecordsAreValidAtAPointOnAverage) {
       const SurfacePoint& x = plan.points()[random.below(static_cast<std::uint32_t>(plan.points().size()))];
       for (const Record& r : plan.records()) valid += split_sphere_weight(x, r, plan.spec().a) > 0.0f;
     }
-    EXPECT_NEAR(static_cast<double>(valid) / kProbes, 6.0, 0.6) << entry.name;
+    EXPECT_NEAR(static_cast<double>(valid) / kProbes, 6.0, 0.6) << name;
   }
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -43,11 +44,11 @@ class Experiment {
 };
 
 struct Row {
-  std::string_view name;
-  std::string_view what;  ///< what is divided by what
+  std::string name;
+  std::string what;  ///< what is divided by what
   Relation relation;
   double target;
-  std::unique_ptr<Experiment> (*make)(const Machine&);
+  std::function<std::unique_ptr<Experiment>(const Machine&)> make;
 };
 
 }  // namespace icbench

@@ -21,7 +21,7 @@
 namespace icbench {
 
 /// Compensation rays of a record.
-inline constexpr std::uint32_t kRecordCompensation = 16;
+inline constexpr std::uint32_t kRecordCompensation = 64;
 
 /// The point at which a record is made, as it is evaluated: with normals that 32 bits can hold.
 Hit record_point(const glm::vec3& p, PackedNormal n, PackedNormal ng) noexcept;

@@ -10,9 +10,9 @@
 namespace icbench {
 namespace {
 
-// What lies on one smooth surface: normals within 18 degrees, points no farther out of each other's tangent planes than
-// a tenth of their distance, and that no more than a twentieth of the scene.
-constexpr float kSameNormal = 0.95f, kSamePlane = 0.1f, kNear = 0.05f;
+// What lies on one smooth surface: normals within 37 degrees, points no farther out of each other's tangent planes than
+// three tenths of their distance, and that no more than a twentieth of the scene.
+constexpr float kSameNormal = 0.8f, kSamePlane = 0.3f, kNear = 0.05f;
 
 bool one_surface(const Hit& a, const Hit& b, float near2) noexcept {
   const glm::vec3 d = b.p - a.p;

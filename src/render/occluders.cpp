@@ -9,6 +9,7 @@ namespace icbench {
 namespace {
 
 constexpr std::uint32_t kPacket = 8, kFan = 64;
+constexpr std::uint32_t kOneByOne = 5;  // up to so many lanes in use, Embree traverses them one by one
 
 // Directions of rays that are still under way, and the bit each answers to.
 struct Fan {
@@ -55,7 +56,7 @@ std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& c
   return bits;
 }
 
-std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan) noexcept {
+std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::uint32_t lanes) noexcept {
   embree::Query query;
   RTCRay8 packet;
   for (std::uint32_t l = 0; l < kPacket; ++l) {
@@ -69,14 +70,14 @@ std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan) noexc
     packet.flags[l] = 0;
   }
   std::uint64_t hit = 0;
-  for (std::uint32_t first = 0; first < fan.count; first += kPacket) {
+  for (std::uint32_t first = 0; first < fan.count; first += lanes) {
     alignas(32) int valid[kPacket];
     for (std::uint32_t l = 0; l < kPacket; ++l) {
       packet.dir_x[l] = fan.x[first + l];
       packet.dir_y[l] = fan.y[first + l];
       packet.dir_z[l] = fan.z[first + l];
       packet.tfar[l] = 1.0f;
-      valid[l] = first + l < fan.count ? -1 : 0;
+      valid[l] = (l < lanes) & (first + l < fan.count) ? -1 : 0;
     }
     embree::occluded8(valid, scene, packet, query);
     for (std::uint32_t l = 0; l < kPacket; ++l)
@@ -99,7 +100,8 @@ void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
 }
 
 std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                                       std::uint64_t which) const noexcept {
+                                       std::uint64_t which, Packing packing) const noexcept {
+  const std::uint32_t lanes = packing == Packing::fast ? kPacket : kOneByOne;
   Fan fan;
   for (std::uint64_t rest = which; rest != 0; rest &= rest - 1) {
     const int i = std::countr_zero(rest);
@@ -113,7 +115,7 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
   for (const Part& part : parts_) {
     if (hit == which) break;
     if (part.everywhere) {
-      hit |= trace(part.scene, from, fan);
+      hit |= trace(part.scene, from, fan, lanes);
       continue;
     }
     const std::uint64_t asked = near_box(fan, from, part.centre, part.half) & ~hit;
@@ -134,7 +136,7 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
       some.x[some.count + l] = some.y[some.count + l] = some.z[some.count + l] = 1.0f;
       some.bit[some.count + l] = 0;
     }
-    hit |= trace(part.scene, o, some);
+    hit |= trace(part.scene, o, some, lanes);
   }
   return hit;
 }

@@ -1,18 +1,21 @@
-// Shadow rays in packets whose answers do not depend on the packet.
+// Shadow rays in packets, fast or with answers that do not depend on the packet.
 //
 // Temporal caching keeps the answers of shadow rays and traces a part of them anew, in other packets, beside things that
-// have moved meanwhile; it promises the very bits of a fresh start. Embree does not make that promise: in its packets a
-// ray that runs in the plane of a triangle, or through a vertex along an axis, may be answered otherwise than alone, and
-// otherwise with other rays beside it. Two things do so: 16 rays at once, and packets through instances. (Embree 3.13,
-// robust scenes; 3 % of such rays through instances, none of 10^7 between random surface points. tests/render_vpl_test
-// holds the installed version to what follows.)
+// have moved meanwhile; it promises the very bits of a fresh start. Embree's packets do not keep that promise: where a
+// ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in other
+// company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of rays in
+// the plane of a face otherwise than rtcOccluded1, full packets of 8 one of 10^7 rays through vertices, any packet
+// through instances 3 % of rays in the plane of a face; of 10^7 rays between random surface points none.
 //
-// Packets of 8 through a scene of triangles without instances are traversed ray by ray and give every ray the answer of
-// rtcOccluded1, whichever lanes are in use. So instances are resolved here: a ray is asked of all that stands still,
-// then of each moving shape whose box it meets, in the shape's own space. An answer is then the "or" of answers each of
-// which depends on the ray, one shape and its pose alone.
+// Two things make an answer exact, a function of the ray and of what it meets alone:
+// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each moving
+//   shape whose box it meets, in the shape's own space. So the answer is the "or" of answers each of which depends on
+//   one shape and its pose.
+// - Exact packing leaves lanes empty: up to five rays in a packet of 8 are traversed one by one, as rtcOccluded1 does,
+//   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
 //
-// Costs: that of packets of 8, which are as fast as those of 16 or faster; a box test per ray and moving shape.
+// Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1 1,
+// exact 1.27, fast 1.55, full packets of 16 1.57. A box test per ray and moving shape besides.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +41,7 @@ class Occluders {
 
   /// RayTracer::occluded_from.
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which) const noexcept;
+                              std::uint64_t which, Packing packing) const noexcept;
 
  private:
   struct Part {

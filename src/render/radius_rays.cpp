@@ -29,15 +29,22 @@ RadiusRays::RadiusRays(const Bounds& bounds, const RadiusLimits& limits) noexcep
 }
 
 std::array<glm::vec3, kRadiusRays> RadiusRays::directions(const glm::vec3& n) noexcept {
+  static const std::array<glm::vec3, kRadiusRays> around_z = [] {
+    std::array<glm::vec3, kRadiusRays> out;
+    const Basis basis({0.0f, 0.0f, 1.0f});
+    for (std::size_t m = 0; m < kElevations; ++m)
+      for (std::size_t k = 0; k < kAzimuths; ++k) {
+        // Every other ring is turned by half a stratum.
+        const float u = (static_cast<float>(m) + 0.5f) / static_cast<float>(kElevations);
+        const float v =
+            (static_cast<float>(k) + (m % 2 == 0 ? 0.25f : 0.75f)) / static_cast<float>(kAzimuths);
+        out[m * kAzimuths + k] = cosine_direction(basis, u, v);
+      }
+    return out;
+  }();
   std::array<glm::vec3, kRadiusRays> out;
   const Basis basis(n);
-  for (std::size_t m = 0; m < kElevations; ++m)
-    for (std::size_t k = 0; k < kAzimuths; ++k) {
-      // Every other ring is turned by half a stratum.
-      const float u = (static_cast<float>(m) + 0.5f) / static_cast<float>(kElevations);
-      const float v = (static_cast<float>(k) + (m % 2 == 0 ? 0.25f : 0.75f)) / static_cast<float>(kAzimuths);
-      out[m * kAzimuths + k] = cosine_direction(basis, u, v);
-    }
+  for (std::size_t i = 0; i < kRadiusRays; ++i) out[i] = basis(around_z[i].x, around_z[i].y, around_z[i].z);
   return out;
 }
 

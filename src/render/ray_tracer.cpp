@@ -395,8 +395,8 @@ std::uint64_t RayTracer::bare_trace(std::span<const TracedRay> rays) const noexc
 }
 
 std::uint64_t RayTracer::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                                       std::uint64_t which) const noexcept {
-  return embree_->occluders.occluded_from(from, x, y, z, which);
+                                       std::uint64_t which, Packing packing) const noexcept {
+  return embree_->occluders.occluded_from(from, x, y, z, which, packing);
 }
 
 std::uint64_t RayTracer::bare_occluded(std::span<const TracedRay> rays, unsigned packet) const noexcept {

@@ -52,6 +52,12 @@ struct Hit {
   bool missed() const noexcept { return material == kMiss; }
 };
 
+/// How shadow rays are put into packets.
+enum class Packing : std::uint8_t {
+  fast,  ///< where a ray brushes an edge within rounding, its answer may depend on the rays traced with it
+  exact  ///< each answer is a function of its ray, and of the shapes that lie on it and their poses, alone
+};
+
 /// Rays a thread has traced.
 struct RayCounts {
   std::uint64_t closest = 0;    ///< nearest-hit rays
@@ -139,12 +145,9 @@ class RayTracer {
   void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
 
   /// Shadow rays from one point, which lies off its surface already (leave), to up to 64 ends: bit i of `which` asks for
-  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which anything lies.
-  ///
-  /// Each answer is a function of its ray and of the shapes that lie on it and their poses alone, bit for bit: whatever
-  /// rays are asked for with it, and whatever else stands or moves in the scene (occluders.h).
+  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which anything lies (occluders.h).
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which) const noexcept;
+                              std::uint64_t which, Packing packing) const noexcept;
 
   /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything
   /// above. Returns how many hit or were occluded.
@@ -218,9 +221,9 @@ class Tracer {
     return hit;
   }
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which) noexcept {
+                              std::uint64_t which, Packing packing) noexcept {
     counts.occlusion += static_cast<std::uint64_t>(std::popcount(which));
-    return rays_->occluded_from(from, x, y, z, which);
+    return rays_->occluded_from(from, x, y, z, which, packing);
   }
   bool occluded(const Ray& ray) noexcept {
     bool out;

@@ -172,13 +172,21 @@ bool TemporalSource::see_anew(Tracer& tracer, Worker& w, const Change& c, const 
 // The distance rays that meet a box no farther than they reached.
 std::uint32_t TemporalSource::cut_distances(const Change& c, const Hit& point,
                                             const DistanceCodes& distances) const noexcept {
-  std::uint32_t cut = 0;
-  if (c.boxes.empty()) return cut;
+  std::uint64_t cut = 0;
+  if (c.boxes.empty()) return 0;
   const auto directions = RadiusRays::directions(point.n);
   const glm::vec3 from = rays_.leave(point.p, point.ng);
-  for (std::size_t i = 0; i < kRadiusRays; ++i)
-    if (c.boxes.meet(from, from + radius_.reach(distances[i]) * directions[i])) cut |= 1u << i;
-  return cut;
+  alignas(64) float x[64] = {}, y[64] = {}, z[64] = {};
+  for (const MovedBox& box : c.boxes.boxes()) {
+    for (std::size_t i = 0; i < kRadiusRays; ++i) {
+      const glm::vec3 end = box.to_box(from + radius_.reach(distances[i]) * directions[i]);
+      x[i] = end.x;
+      y[i] = end.y;
+      z[i] = end.z;
+    }
+    box.mark(box.to_box(from), x, y, z, cut);
+  }
+  return static_cast<std::uint32_t>(cut) & RadiusRays::kAll;
 }
 
 UpdateResult TemporalSource::update(Record& record) noexcept {

@@ -65,7 +65,7 @@ std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
 }
 
 std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, const WordOfVpls& v,
-                      std::uint64_t which) noexcept {
+                      std::uint64_t which, Packing packing) noexcept {
   const std::uint64_t asked = which & facing(hit, v);
   if (asked == 0) return 0;
   const float epsilon = tracer.shared().epsilon();
@@ -75,8 +75,44 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
     y[i] = v.py[i] + epsilon * v.ny[i];
     z[i] = v.pz[i] + epsilon * v.nz[i];
   }
-  return asked & ~tracer.occluded_from(from, x, y, z, asked);
+  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing);
 }
+
+// A few slots of many words, asked for together: packets are full that way.
+class Asked {
+ public:
+  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits) noexcept
+      : tracer_(tracer), from_(from), bits_(bits), epsilon_(tracer.shared().epsilon()) {}
+
+  void ask(const WordOfVpls& v, std::size_t word, std::size_t i) noexcept {
+    x_[count_] = v.px[i] + epsilon_ * v.nx[i];
+    y_[count_] = v.py[i] + epsilon_ * v.ny[i];
+    z_[count_] = v.pz[i] + epsilon_ * v.nz[i];
+    slot_[count_++] = static_cast<std::uint32_t>(word * kWord + i);
+    if (count_ == kWord) answer();
+  }
+
+  // Sets the bits of those that see the point.
+  void answer() noexcept {
+    if (count_ == 0) return;
+    const std::uint64_t all = count_ == kWord ? ~std::uint64_t{0} : (std::uint64_t{1} << count_) - 1;
+    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact);
+    for (; seen != 0; seen &= seen - 1) {
+      const std::uint32_t slot = slot_[std::countr_zero(seen)];
+      bits_[slot / kWord] |= std::uint64_t{1} << slot % kWord;
+    }
+    count_ = 0;
+  }
+
+ private:
+  Tracer& tracer_;
+  glm::vec3 from_;
+  std::span<std::uint64_t> bits_;
+  float epsilon_;
+  std::size_t count_ = 0;
+  alignas(64) float x_[kWord], y_[kWord], z_[kWord];
+  std::uint32_t slot_[kWord];
+};
 
 std::uint32_t reverse_bits(std::uint32_t x) noexcept {
   x = (x >> 1 & 0x55555555u) | (x & 0x55555555u) << 1;
@@ -136,15 +172,20 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<std::uint64_t> bits) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   for (std::size_t w = 0; w < vpls.words(); ++w)
-    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0});
+    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0}, Packing::exact);
 }
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept {
-  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
-  for (std::size_t w = 0; w < vpls.words(); ++w)
-    if (which[w] != 0)
-      bits[w] = (bits[w] & ~which[w]) | visible(tracer, from, hit, WordOfVpls(vpls, w), which[w]);
+  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits);
+  for (std::size_t w = 0; w < vpls.words(); ++w) {
+    if (which[w] == 0) continue;
+    const WordOfVpls v(vpls, w);
+    bits[w] &= ~which[w];
+    for (std::uint64_t rest = which[w] & facing(hit, v); rest != 0; rest &= rest - 1)
+      asked.ask(v, w, static_cast<std::size_t>(std::countr_zero(rest)));
+  }
+  asked.answer();
 }
 
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
@@ -154,12 +195,13 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
   return sum.irradiance();
 }
 
-Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp) noexcept {
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
+                       Packing packing) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   Sum sum;
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     const WordOfVpls v(vpls, w);
-    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}), hit.p, hit.n, clamp);
+    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}, packing), hit.p, hit.n, clamp);
   }
   return sum.irradiance();
 }
@@ -180,8 +222,8 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 
 float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
 
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
-                        std::uint64_t key) noexcept {
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
+                        Packing packing) noexcept {
   constexpr std::uint32_t kWave = 64;
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(hit.p, hit.ng);
@@ -206,7 +248,10 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
       asked[n] = {from, reach, d};
       index[n++] = i;
     }
-    tracer.intersect({asked, n}, {met, n});
+    if (packing == Packing::fast)
+      tracer.intersect({asked, n}, {met, n});
+    else
+      for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
     for (std::uint32_t k = 0; k < n; ++k) {
       if (!reflects(rays, met[k])) continue;
       const glm::vec3 d = met[k].p - hit.p;

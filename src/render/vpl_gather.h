@@ -7,8 +7,8 @@
 // clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The two together are unbiased.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
-// bits in one fixed order. Each bit is a function of its shadow ray alone (RayTracer::occluded_from), never of the rays
-// traced with it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
+// bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced with
+// it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
 // traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no ray
 // and has bit 0.
 //
@@ -26,7 +26,7 @@
 namespace icbench {
 
 /// The clamp of a scene as a share of its diagonal: G is bounded where two facing surfaces are this far apart.
-inline constexpr float kClampShare = 0.05f;
+inline constexpr float kClampShare = 0.1f;
 
 /// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
 float vpl_clamp(const Bounds& bounds) noexcept;
@@ -44,8 +44,10 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp) noexcept;
 
-/// Irradiance from all VPLs: both of the above, word by word. Bit for bit the same.
-Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp) noexcept;
+/// Irradiance from all VPLs: both of the above, word by word, and bit for bit the same. With fast packing 1.2 times as
+/// fast, and the same but where a shadow ray brushes an edge within rounding.
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
+                       Packing packing = Packing::exact) noexcept;
 
 /// The shadow rays that gather_vpls traces at these points, for RayTracer::bare_occluded: how fast the same rays go
 /// without any of the work around them.
@@ -62,7 +64,8 @@ float compensation_reach(float clamp) noexcept;
 
 /// Adds back what the clamp takes at a point, from `count` rays; light that arrives at the surfaces met is estimated by
 /// one path each. Random numbers depend on the key alone. 0 rays: 0.
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count,
-                        std::uint64_t key) noexcept;
+/// With exact packing what a ray meets is a function of the ray and the scene alone, too.
+Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
+                        Packing packing = Packing::exact) noexcept;
 
 }  // namespace icbench

@@ -19,6 +19,13 @@ Mesh solid_box(const vec3& lower, const vec3& upper) { return box("", {lower, up
 
 void append(Polygon& to, const Polygon& from) { to.insert(to.end(), from.begin(), from.end()); }
 
+// Goes on with a smooth piece of a profile for revolve(): creases at both its ends, a straight line to its beginning.
+void append_creased(Polygon& to, const Polygon& piece) {
+  to.push_back(to.back());
+  if (glm::distance(to.back(), piece.front()) > 1e-5f) to.insert(to.end(), 2, piece.front());
+  to.insert(to.end(), piece.begin() + 1, piece.end());
+}
+
 // A leaf of a capital that clings to the bell and curls outwards at its tip, in the direction of +z.
 Mesh capital_leaf(float bell, float y, float height, float width) {
   return block({2, 4, 1}, [=](const vec3& u) {
@@ -63,39 +70,36 @@ Parts column(float radius, float height, std::uint32_t stone) {
   const float bell = height - abacus - capital, top = 0.84f * r;
   Parts whole;
   whole.add(stone, solid_box({-1.36f * r, kGap, -1.36f * r}, {1.36f * r, plinth, 1.36f * r}));
-  Polygon profile{{0.0f, plinth - 0.02f}, {1.1f * r, plinth - 0.02f}, {1.1f * r, plinth - 0.02f}};
-  const auto torus = [&](float at, float y, float half) {
-    append(profile, arc({at, y}, half, -0.5f * kPi, 0.5f * kPi, 4));
+  Polygon profile{{0.0f, plinth - 0.02f}, {1.1f * r, plinth - 0.02f}};
+  const auto add_torus = [&](float at, float y, float half) {
+    append_creased(profile, arc({at, y}, half, -0.5f * kPi, 0.5f * kPi, 4));
   };
-  const float lower = 0.16f * r, upper = 0.10f * r;
-  torus(1.18f * r, plinth + lower, lower);
-  profile.push_back(profile.back());
-  append(profile,
-         arc({1.20f * r, plinth + 2.0f * lower + 0.11f * r}, 0.11f * r, -0.5f * kPi, -1.5f * kPi, 4));
-  profile.push_back(profile.back());
-  const float ring = plinth + 2.0f * lower + 0.22f * r + upper;
-  torus(1.10f * r, ring, upper);
-  profile.push_back(profile.back());
-  profile.emplace_back(1.03f * r, ring + 1.1f * upper);
+  const float lower = 0.16f * r, upper = 0.10f * r, hollow = 0.11f * r;
+  add_torus(1.18f * r, plinth + lower, lower);
+  append_creased(profile,
+                 arc({1.20f * r, plinth + 2.0f * lower + hollow}, hollow, -0.5f * kPi, -1.5f * kPi, 4));
+  const float ring = plinth + 2.0f * (lower + hollow) + upper;
+  add_torus(1.10f * r, ring, upper);
   constexpr int kShaft = 4;
+  const float foot = ring + 2.0f * upper;
+  Polygon shaft{{1.04f * r, ring + upper}};
   for (int i = 0; i <= kShaft; ++i) {  // entasis: the shaft thins faster towards its top
-    const float s = static_cast<float>(i) / kShaft,
-                y = ring + 2.0f * upper + s * (bell - 0.2f * r - ring - 2.0f * upper);
-    profile.emplace_back(r + (top - r) * s * s, y);
+    const float s = static_cast<float>(i) / kShaft;
+    shaft.emplace_back(r + (top - r) * s * s, foot + s * (bell - 0.2f * r - foot));
   }
-  profile.push_back(profile.back());
-  torus(top, bell - 0.1f * r, 0.09f * r);
-  profile.push_back(profile.back());
+  append_creased(profile, shaft);
+  add_torus(top, bell - 0.1f * r, 0.09f * r);
+  Polygon basket;
   for (int i = 0; i <= 4; ++i) {
     const float s = static_cast<float>(i) / 4.0f;
-    profile.emplace_back(0.80f * r + 0.36f * r * s * s * s, bell + s * (capital + 0.02f));
+    basket.emplace_back(0.80f * r + 0.36f * r * s * s * s, bell + s * (capital + 0.02f));
   }
-  profile.push_back(profile.back());
-  profile.emplace_back(0.0f, profile.back().y);
+  append_creased(profile, basket);
+  append_creased(profile, {profile.back(), {0.0f, profile.back().y}});
   whole.add(stone, revolve("column", vec3(0.0f), profile, 20, stone));
   for (int i = 0; i < 16; ++i) {
     const bool low = i < 8;
-    const Mesh leaf = low ? capital_leaf(0.78f * r, bell + 0.02f, 0.8f * r, 0.68f * r)
+    const Mesh leaf = low ? capital_leaf(0.78f * r, bell + 0.02f, 0.8f * r, 0.56f * r)
                           : capital_leaf(0.84f * r, bell + 0.5f * r, 0.95f * r, 0.55f * r);
     whole.add(stone,
               moved(leaf, turned((static_cast<float>(i) + (low ? 0.0f : 0.5f)) * 0.25f * kPi, vec3(0.0f))));
@@ -109,20 +113,16 @@ Parts column(float radius, float height, std::uint32_t stone) {
 
 Parts colonnette(float radius, float height, std::uint32_t stone) {
   const float r = radius;
-  Polygon profile{
-      {0.0f, kGap}, {1.8f * r, kGap}, {1.8f * r, kGap}, {1.8f * r, 1.2f * r}, {1.8f * r, 1.2f * r}};
-  append(profile, arc({1.3f * r, 1.6f * r}, 0.4f * r, -0.5f * kPi, 0.5f * kPi, 4));
-  profile.push_back(profile.back());
-  append(profile, {{r, 2.3f * r}, {r, height - 3.8f * r}, {r, height - 3.8f * r}});
-  append(profile, arc({r, height - 3.3f * r}, 0.3f * r, -0.5f * kPi, 0.5f * kPi, 4));
-  profile.push_back(profile.back());
-  append(profile, {{1.05f * r, height - 2.4f * r},
-                   {1.5f * r, height - 1.2f * r},
-                   {1.9f * r, height - 0.9f * r},
-                   {1.9f * r, height - 0.9f * r},
-                   {1.9f * r, height},
-                   {1.9f * r, height},
-                   {0.0f, height}});
+  Polygon profile{{0.0f, kGap}, {1.8f * r, kGap}};
+  append_creased(profile, {{1.8f * r, kGap}, {1.8f * r, 1.2f * r}});
+  append_creased(profile, arc({1.3f * r, 1.6f * r}, 0.4f * r, -0.5f * kPi, 0.5f * kPi, 4));
+  append_creased(profile, {{r, 2.3f * r}, {r, height - 3.8f * r}});
+  append_creased(profile, arc({r, height - 3.3f * r}, 0.3f * r, -0.5f * kPi, 0.5f * kPi, 4));
+  append_creased(
+      profile,
+      {{1.05f * r, height - 2.4f * r}, {1.5f * r, height - 1.2f * r}, {1.9f * r, height - 0.9f * r}});
+  append_creased(profile, {{1.9f * r, height - 0.9f * r}, {1.9f * r, height}});
+  append_creased(profile, {{1.9f * r, height}, {0.0f, height}});
   Parts whole;
   whole.add(stone, revolve("colonnette", vec3(0.0f), profile, 12, stone));
   return whole;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "scene/import_mesh.h"
 #include "scene/motion.h"

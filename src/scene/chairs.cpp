@@ -34,7 +34,7 @@ Parts conference_chair(const ChairMaterials& m) {
   constexpr float kHalf = 0.27f, kTube = 0.011f;
   Parts chair;
   for (const float x : {-kHalf, kHalf}) {
-    const Path side{{x, kGap, 0.23f}, {x, 0.63f, 0.23f}, {x, 0.63f, -0.215f}, {x, kGap, -0.26f}};
+    const Path side{{x, kGap, 0.23f}, {x, 0.63f, 0.23f}, {x, 0.63f, -0.215f}, {x, kGap + 0.0008f, -0.26f}};
     chair.add(m.frame, tube(fillet(side, 0.06f, 3), kTube));
     chair.add(m.arms, rounded_box({{x - 0.026f, 0.632f, -0.18f}, {x + 0.026f, 0.664f, 0.20f}}, 0.012f, 1));
   }

@@ -75,7 +75,7 @@ void add_ceiling(Scene& s, Parts& room, const Colours& c) {
             0));
   }
   for (int i = -5; i <= 5; ++i) {
-    const float z = kTile * (static_cast<float>(i) - 0.0f);
+    const float z = kTile * static_cast<float>(i);
     room.add(
         c.white,
         box("", {{-kX - 0.01f, kHeight - 0.004f, z - 0.012f}, {kX + 0.01f, kHeight + 0.002f, z + 0.012f}},
@@ -164,8 +164,9 @@ Pose across_the_table(float frame, float frames) {
   constexpr float kReach = 2.35f, kAside = 0.22f;
   const float phase = 2.0f * kPi * frame / frames;
   const vec3 at(-kReach * std::cos(phase), kTableHeight + kGap, kAside * std::sin(phase));
-  const float heading = std::atan2(-kAside * std::cos(phase), -kReach * std::sin(phase));
-  return {0.45f * rotation({0, 1, 0}, -heading), at};
+  Pose pose = turned(std::atan2(kAside * std::cos(phase), -kReach * std::sin(phase)), at);
+  pose.linear *= 0.45f;  // its height, metres
+  return pose;
 }
 
 }  // namespace
@@ -187,8 +188,7 @@ Scene conference() {
     return across_the_table(frame, frames);
   };
   s.meshes.push_back(std::move(bunny));
-  s.camera = {
-      .eye = {-4.2f, 1.80f, 2.35f}, .target = {0.3f, 0.74f, -0.40f}, .up = {0, 1, 0}, .fov_y = 0.84f};
+  s.camera = {.eye = {-4.2f, 1.80f, 2.35f}, .target = {0.3f, 0.74f, -0.40f}, .up = {0, 1, 0}, .fov_y = 0.84f};
   return s;
 }
 

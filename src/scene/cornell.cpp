@@ -39,11 +39,6 @@ void add_statue(Scene& s) {
   place(s.meshes.back(), 3.2f, 3.0f, kMiddle + glm::vec3(0.0f, kPedestal + 2.0f * kGap, 0.0f));
 }
 
-void add_bunny(Scene& s, float size, float angle, const glm::vec3& at) {
-  s.meshes.push_back(stanford_bunny(kClay));
-  place(s.meshes.back(), size, angle, at + glm::vec3(0.0f, kGap, 0.0f));
-}
-
 void add_circling_bunny(Scene& s, float size, const glm::vec3& centre, float radius) {
   s.frames = kLoopFrames;
   s.meshes.push_back(stanford_bunny(kClay));
@@ -54,6 +49,15 @@ void add_circling_bunny(Scene& s, float size, const glm::vec3& centre, float rad
     return turned(0.5f * std::numbers::pi_v<float> - phi,
                   centre + glm::vec3(radius * std::cos(phi), kGap, radius * std::sin(phi)), size);
   };
+}
+
+Scene still_box() {
+  Scene s = room();
+  add_ceiling_lamp(s);
+  add_statue(s);
+  s.meshes.push_back(stanford_bunny(kClay));
+  place(s.meshes.back(), 1.5f, 3.75f, {1.35f, kGap, 1.75f});
+  return s;
 }
 
 }  // namespace icbench::cornell

@@ -29,10 +29,10 @@ void add_ceiling_lamp(Scene& scene);
 /// Pedestal and Venus in the middle.
 void add_statue(Scene& scene);
 
-/// The bunny, `size` metres high, standing on the floor.
-void add_bunny(Scene& scene, float size, float angle, const glm::vec3& at);
-
 /// The bunny, `size` metres high, runs round a point once in a loop, `radius` metres off, facing where it goes.
 void add_circling_bunny(Scene& scene, float size, const glm::vec3& centre, float radius);
+
+/// The box with its lamp, the statue and a bunny that sits still.
+Scene still_box();
 
 }  // namespace icbench::cornell

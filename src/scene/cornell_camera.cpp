@@ -8,10 +8,7 @@
 namespace icbench {
 
 Scene cornell_camera() {
-  Scene s = cornell::room();
-  cornell::add_ceiling_lamp(s);
-  cornell::add_statue(s);
-  cornell::add_bunny(s, 1.5f, 3.75f, {1.35f, 0.0f, 1.75f});
+  Scene s = cornell::still_box();
   s.frames = kLoopFrames;
   s.camera_path = [still = s.camera](float frame) {
     const float swing = std::sin(loop_angle(frame)), nearer = there_and_back(frame);

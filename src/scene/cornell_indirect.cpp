@@ -7,9 +7,9 @@
 namespace icbench {
 
 Scene cornell_indirect() {
-  constexpr float kTop = 4.9f, kRim = 0.12f;
+  constexpr float kTop = 4.55f, kRim = 0.12f;
   Scene s = cornell::room();
-  s.materials[cornell::kLamp].emission *= 4.0f;
+  s.materials[cornell::kLamp].emission *= 2.0f;
   const Bounds tray{{1.88f, kTop - 0.05f, 2.0f}, {3.68f, kTop, 3.6f}};
   s.meshes.push_back(box("tray", tray, cornell::kWhite));
   // The rim keeps the light off the lower walls.

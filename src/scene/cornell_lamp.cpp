@@ -11,10 +11,7 @@
 namespace icbench {
 
 Scene cornell_lamp() {
-  Scene s = cornell::room();
-  cornell::add_ceiling_lamp(s);
-  cornell::add_statue(s);
-  cornell::add_bunny(s, 1.5f, 3.75f, {1.35f, 0.0f, 1.75f});
+  Scene s = cornell::still_box();
   s.point_lights.push_back({.intensity = {45.0f, 36.0f, 20.0f}, .cos_inner = 0.96f, .cos_outer = 0.90f});
   s.frames = kLoopFrames;
   s.change_light = [warm = s.materials[cornell::kLamp].emission](float frame, std::span<Material> materials,

@@ -28,17 +28,15 @@ Parts conference_table(float length, float width, float height, std::uint32_t to
                                      SlabLevel{0.006f, height}}));
   const float pitch = 0.33f * length;
   for (const float x : {-pitch, 0.0f, pitch}) {
-    const auto levels = [&](std::initializer_list<SlabLevel> l) { return std::vector<SlabLevel>(l); };
     const Polygon foot = superellipse(0.26f, 0.40f * width, 4.0f, 48),
                   post = superellipse(0.14f, 0.26f * width, 4.0f, 48);
     Parts pedestal;
-    pedestal.add(base, slab(foot, levels({{0.004f, kGap}, {0.0f, 0.02f}, {0.0f, 0.045f}, {0.012f, 0.06f}})));
-    pedestal.add(base, slab(post, levels({{-0.03f, 0.05f},
-                                          {-0.005f, 0.09f},
-                                          {0.0f, 0.16f},
-                                          {0.0f, height - 0.12f},
-                                          {-0.04f, height - 0.055f},
-                                          {-0.04f, height - 0.04f}})));
+    pedestal.add(base, slab(foot, std::array{SlabLevel{0.004f, kGap}, SlabLevel{0.0f, 0.02f},
+                                             SlabLevel{0.0f, 0.045f}, SlabLevel{0.012f, 0.06f}}));
+    pedestal.add(
+        base, slab(post, std::array{SlabLevel{-0.03f, 0.05f}, SlabLevel{-0.005f, 0.09f},
+                                    SlabLevel{0.0f, 0.16f}, SlabLevel{0.0f, height - 0.12f},
+                                    SlabLevel{-0.04f, height - 0.055f}, SlabLevel{-0.04f, height - 0.04f}}));
     table.add(pedestal, turned(0.0f, {x, 0.0f, 0.0f}));
   }
   return table;
@@ -101,7 +99,7 @@ Parts table_lamp(std::uint32_t metal, std::uint32_t shade_material) {
                                         {0.008f, 0.31f}, {0.008f, 0.31f},  {0.0f, 0.31f}};
   lamp.add(metal, revolve("foot", vec3(0.0f), kFoot, 32, metal));
   // Up the outside, over the rim and down the inside.
-  static constexpr glm::vec2 kShade[] = {{0.0f, 0.43f},    {0.055f, 0.43f}, {0.058f, 0.43f}, {0.145f, 0.26f},
+  static constexpr glm::vec2 kShade[] = {{0.0f, 0.43f},    {0.055f, 0.43f}, {0.055f, 0.43f}, {0.145f, 0.26f},
                                          {0.145f, 0.26f},  {0.148f, 0.26f}, {0.148f, 0.26f}, {0.060f, 0.435f},
                                          {0.060f, 0.435f}, {0.0f, 0.435f}};
   lamp.add(shade_material, revolve("shade", vec3(0.0f), kShade, 48, shade_material));
@@ -118,7 +116,7 @@ Parts bookcase(const vec3& size, int shelves, std::uint32_t wood, std::span<cons
     whole.add(wood, solid_box({x - 0.5f * kBoard, kGap, kGap}, {x + 0.5f * kBoard, size.y, size.z}));
   }
   const float in = w - kBoard + 0.004f;  // boards are let into the sides
-  whole.add(wood, solid_box({-in, plinth, 2.0f * kGap}, {in, size.y - 0.002f, 0.012f}));
+  whole.add(wood, solid_box({-in, plinth - 0.01f, 2.0f * kGap}, {in, size.y - 0.002f, 0.012f}));
   whole.add(wood, solid_box({-in, 2.0f * kGap, 0.02f}, {in, plinth + 0.002f, size.z - 0.03f}));
   Pcg32 random(20120501);
   const float pitch = (size.y - kBoard - plinth) / static_cast<float>(shelves);
@@ -140,7 +138,7 @@ Parts bookcase(const vec3& size, int shelves, std::uint32_t wood, std::span<cons
       if (x + thick + (leans ? 0.3f * tall : 0.0f) > end) break;
       Mesh book = rounded_box({{0.0f, 0.0f, 0.0f}, {thick, tall, deep}}, 0.004f, 1);
       const float lean = leans ? 0.16f : 0.0f;
-      const vec3 at(x + (leans ? tall * std::sin(lean) : 0.0f), over + (leans ? 0.0f : 0.0f), front - deep);
+      const vec3 at(x + (leans ? tall * std::sin(lean) : 0.0f), over, front - deep);
       whole.add(binding, moved(std::move(book), {rotation({0, 0, 1}, lean), at}));
       x += thick * (leans ? std::cos(lean) : 1.0f) + (leans ? tall * std::sin(lean) : 0.0f) + 0.0012f +
            (gap ? 0.09f : 0.0f);
@@ -191,7 +189,7 @@ Parts pot_plant(std::uint32_t pot, std::uint32_t leaves) {
       const float up = length * (std::sin(turn) - std::sin(0.15f)) / droop;
       const float half = width * std::sin(kPi * std::min(0.98f, 0.12f + 0.86f * s)) * (2.0f * u.x - 1.0f);
       const float thick = 0.0012f * (u.y - 0.5f) + 0.3f * std::abs(half);
-      return vec3(-half, 0.26f + up + thick * std::sin(turn), 0.05f + out - thick * std::cos(turn));
+      return vec3(half, 0.26f + up + thick * std::sin(turn), 0.05f + out - thick * std::cos(turn));
     });
     plant.add(leaves, moved(leaf, turned(angle, vec3(0.0f))));
   }

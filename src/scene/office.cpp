@@ -134,7 +134,7 @@ Scene office() {
   room.add(picture(0.9f, 0.6f, c.black, c.paper, c.clay), turned(kPi, {0.3f, 1.6f, kZ}));
   room.build(s, "office");
   s.camera = {
-      .eye = {-1.75f, 1.60f, 1.95f}, .target = {0.27f, 0.99f, -1.10f}, .up = {0, 1, 0}, .fov_y = 0.88f};
+      .eye = {-1.75f, 1.60f, 1.95f}, .target = {0.27f, 1.06f, -1.10f}, .up = {0, 1, 0}, .fov_y = 0.96f};
   return s;
 }
 

@@ -61,6 +61,7 @@ class EarClipper {
       shape[before] = ear(before);
       shape[after] = ear(after);
     }
+    if (ear(1) <= 0.0) throw std::runtime_error("a polygon crosses itself; it cannot be triangulated");
     triangles.emplace_back(ring_[0], ring_[1], ring_[2]);
     return triangles;
   }
@@ -83,6 +84,15 @@ class EarClipper {
     return false;
   }
 
+  // Whether the way from corner i of the ring to p begins inside it: bridges make a point a corner more than once.
+  bool opens(std::size_t i, const Point& p) const {
+    const std::size_t n = ring_.size();
+    const Point &a = points_[ring_[(i + n - 1) % n]], &b = points_[ring_[i]],
+                &c = points_[ring_[(i + 1) % n]];
+    const bool left_of_in = turn(a, b, p) > 0.0, left_of_out = turn(b, c, p) > 0.0;
+    return turn(a, b, c) > 0.0 ? left_of_in && left_of_out : left_of_in || left_of_out;
+  }
+
   // Joins the hole nearest to the ring to it, by the shortest bridge that crosses nothing.
   void bridge(std::vector<Ring>& holes) {
     std::size_t best_hole = 0, from = 0, to = 0;
@@ -92,7 +102,7 @@ class EarClipper {
         for (std::size_t j = 0; j < holes[h].size(); ++j) {
           const Point &a = points_[ring_[i]], &b = points_[holes[h][j]];
           const double length = glm::distance(a, b);
-          if (length >= shortest || crosses(ring_, a, b) ||
+          if (length >= shortest || !opens(i, b) || crosses(ring_, a, b) ||
               std::any_of(holes.begin(), holes.end(), [&](const Ring& r) { return crosses(r, a, b); }))
             continue;
           shortest = length;

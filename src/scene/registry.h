@@ -2,7 +2,9 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "scene/scene.h"
 
@@ -58,8 +60,8 @@ inline constexpr std::array kScenes{
                lit_floor},
 };
 
-/// Builds a scene of kScenes. Throws std::runtime_error naming the known scenes if there is none of that
-/// name.
-Scene make_scene(std::string_view name);
+/// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its user. Throws
+/// std::runtime_error with one line, naming the known scenes if the name is neither.
+Scene make_scene(std::string_view name, std::vector<std::string>* notes = nullptr);
 
 }  // namespace icbench

@@ -1,5 +1,7 @@
 #include "scene/room.h"
 
+#include <utility>
+
 #include "scene/shapes.h"
 
 namespace icbench {

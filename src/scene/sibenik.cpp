@@ -42,15 +42,15 @@ Stone add_stone(Scene& s) {
   c.wood = s.add_material({.albedo = {0.25f, 0.14f, 0.07f}});
   c.gold = s.add_material({.albedo = {0.72f, 0.53f, 0.18f}});
   c.cloth = s.add_material({.albedo = {0.80f, 0.78f, 0.74f}});
-  const auto sky = s.add_material({.emission = {13.0f, 14.0f, 15.5f}});
-  const auto evening = s.add_material({.emission = {21.0f, 18.0f, 13.5f}});
+  const auto sky = s.add_material({.emission = {10.5f, 11.4f, 12.6f}});
+  const auto evening = s.add_material({.emission = {19.0f, 16.0f, 11.5f}});
   c.sky = {c.light, c.dark, sky};
   c.evening = {c.light, c.dark, evening};
   return c;
 }
 
 // One plane of half-metre squares, each of two triangles, in a pattern: diamonds in the nave, a chequer in the aisles.
-void add_floor(Parts& church, const Stone& c) {
+void add_floor(Scene& s, const Stone& c) {
   constexpr float kSquare = 0.5f;
   constexpr int kAcross = 15, kAlong = 54;  // squares on each side of the axis; from z = 0.5
   std::map<std::uint32_t, Mesh> sheets;
@@ -64,28 +64,28 @@ void add_floor(Parts& church, const Stone& c) {
   };
   for (int i = -kAcross; i < kAcross; ++i)
     for (int j = 0; j < kAlong; ++j) {
-      // Diagonals run so that four squares make a diamond.
-      const bool odd = (i + j) & 1;
       const glm::ivec2 a(i, j), b(i + 1, j), d(i + 1, j + 1), e(i, j + 1);
-      std::uint32_t inner, outer;
-      const int out = i < 0 ? -1 - i : i;
-      if (out < 6) {
-        const int row = (i + kAcross + 1) / 2 + j / 2;
-        inner = row & 1 ? c.red : c.dark;
-        outer = c.cream;
+      const int column = (i + kAcross + 1) / 2, row = j / 2, out = i < 0 ? -1 - i : i;
+      std::uint32_t inner = c.cream, outer = c.cream;
+      if (out < 6)
+        inner = (column + row) & 1 ? c.red : c.dark;
+      else if (out == 6 || (out / 2 + row) & 1)
+        inner = outer = c.slate;
+      // Two by two squares make a diamond: diagonals alternate.
+      const bool right = (i + kAcross + 1) & 1, far = j & 1;
+      if (right == far) {
+        add(right ? inner : outer, {a, b, e});
+        add(right ? outer : inner, {b, d, e});
       } else {
-        inner = outer = out == 6 ? c.slate : (out / 2 + j / 2) & 1 ? c.slate : c.cream;
-      }
-      const bool left = ((i + kAcross + 1) & 1) == 0, near = (j & 1) == 0;  // place within four squares
-      if (odd == ((kAcross + 1) & 1)) {  // from a to d is no side of the diamond here: the other diagonal
-        add(left == near ? outer : inner, {a, b, e});
-        add(left == near ? inner : outer, {b, d, e});
-      } else {
-        add(left ? outer : inner, {a, d, e});
-        add(left ? inner : outer, {a, b, d});
+        add(right ? inner : outer, {a, d, e});
+        add(right ? outer : inner, {a, b, d});
       }
     }
-  for (auto& [material, mesh] : sheets) church.add(material, mesh);
+  for (auto& [material, mesh] : sheets) {
+    s.meshes.push_back(shade(mesh));
+    s.meshes.back().name = "floor";
+    s.meshes.back().material = material;
+  }
 }
 
 // One side of the nave: the arcade on its columns with the clerestory, and the aisle; +x, to be mirrored.
@@ -98,12 +98,12 @@ Parts right_side(const Stone& c) {
   std::vector<Polygon> clerestory, low;
   for (int i = 0; i < kBays; ++i) {
     const float x = kPitch * (static_cast<float>(i) - 0.5f * (kBays - 1));
-    clerestory.push_back(arched_opening(x, 0.75f, 8.3f, 9.2f, 12));
-    low.push_back(arched_opening(x, 0.85f, 2.5f, 4.3f, 12));
-    side.add(arched_window(x, 0.75f, 8.3f, 9.2f, 0.32f, 12, c.sky), facing);
-    side.add(arched_window(x, 0.85f, 2.5f, 4.3f, 0.32f, 12, c.sky), outer);
-    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 20), facing));
-    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 20), back));
+    clerestory.push_back(arched_opening(x, 0.75f, 8.3f, 9.2f, 10));
+    low.push_back(arched_opening(x, 0.85f, 2.5f, 4.3f, 10));
+    side.add(arched_window(x, 0.75f, 8.3f, 9.2f, 0.32f, 10, c.sky), facing);
+    side.add(arched_window(x, 0.85f, 2.5f, 4.3f, 0.32f, 10, c.sky), outer);
+    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 18), facing));
+    side.add(c.light, moved(archivolt({x, kArchSpringing}, kArch, 0.36f, 0.0f, 18), back));
   }
   side.add(c.warm, moved(wall(arcade(kBays, kPitch, kArch, kArchSpringing - 0.03f, kArcadeTop, 0.3f, 24),
                               kArcade, clerestory),
@@ -147,7 +147,7 @@ void add_nave(Parts& church, const Stone& c) {
       if (i == 0 && !between) continue;
       const float z = -kPitch * (static_cast<float>(i) + (between ? 0.5f : 0.0f));
       church.add(c.light,
-                 moved(vault_rib(kNave + 0.01f, between ? 0.16f : 0.44f, between ? 0.08f : 0.22f, 0.2f, 36),
+                 moved(vault_rib(kNave + 0.01f, between ? 0.16f : 0.44f, between ? 0.08f : 0.22f, 0.2f, 28),
                        turned(0.0f, {0, kVault, z})));
     }
 }
@@ -170,7 +170,8 @@ void add_end_walls(Parts& church, const Stone& c) {
   church.add(c.warm, moved(wall(outline, kThick, openings), east));
   church.add(c.light, moved(archivolt({0.0f, kTriumphSpringing}, kTriumph, 0.42f, 0.0f, 48), east));
   church.add(rose_window({0.0f, oculus}, 0.62f, 0.4f, c.sky), east);
-  for (const float x : {-aisle, aisle}) church.add(arched_window(x, 0.9f, 2.3f, 4.2f, 0.32f, 24, c.sky), east);
+  for (const float x : {-aisle, aisle})
+    church.add(arched_window(x, 0.9f, 2.3f, 4.2f, 0.32f, 24, c.sky), east);
   for (const float x : {-kTriumph, kTriumph})
     church.add(colonnette(0.17f, kTriumphSpringing - 0.02f, c.light),
                turned(0.0f, {x * 1.02f, 0, -kLength + 0.03f}));
@@ -247,7 +248,7 @@ void add_sanctuary(Parts& church, const Stone& c) {
 // Up and down the nave on a narrow ellipse, turning once.
 Pose through_the_nave(float frame, float frames) {
   const float phase = 2.0f * kPi * frame / frames;
-  return turned(phase, {1.3f * std::sin(phase), 0.6f + kGap, -10.6f + 6.2f * std::cos(phase)});
+  return turned(phase, {1.3f * std::sin(phase), 0.6f + kGap, -11.6f + 5.6f * std::cos(phase)});
 }
 
 }  // namespace
@@ -257,7 +258,7 @@ Scene sibenik() {
   s.frames = 100;
   const Stone c = add_stone(s);
   Parts church;
-  add_floor(church, c);
+  add_floor(s, c);
   add_nave(church, c);
   add_end_walls(church, c);
   add_apse(church, c);

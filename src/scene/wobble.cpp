@@ -2,6 +2,8 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include "scene/motion.h"
 #include "scene/registry.h"

@@ -1,0 +1,113 @@
+#include "rows/animations.h"
+
+#include "image/metrics/hdrvdp.h"
+#include "scene/registry.h"
+#include "workload/frame_renderer.h"
+
+namespace icbench {
+namespace {
+
+// An integrator at work on a scene of its own: go_to tells each what changed since its last frame.
+class Studio {
+ public:
+  Studio(const Machine& machine, std::string_view integrator, std::string_view scene, std::uint32_t vpls,
+         std::uint64_t seed)
+      : rays_(make_scene(scene)),
+        team_(machine.topology, Placement::compact, machine.units()),
+        renderer_({.rays = rays_,
+                   .team = team_,
+                   .integrator = find_integrator(integrator),
+                   .cache = find_cache("wait_free"),
+                   .width = kAnimationWidth,
+                   .height = kAnimationHeight,
+                   .vpls = vpls,
+                   .a = kAnimationAccuracy,
+                   .seed = seed}) {}
+
+  FrameCost render(std::uint32_t frame) { return renderer_.render(frame); }
+  const Image& picture() const { return renderer_.picture(); }
+
+ private:
+  RayTracer rays_;
+  ThreadTeam team_;
+  FrameRenderer renderer_;
+};
+
+class OverTemporal : public Experiment {
+ public:
+  OverTemporal(const Machine& machine, std::string_view integrator, const Animation& animation)
+      : other_(machine, integrator, animation.scene, animation.vpls, machine.seed),
+        temporal_(machine, "temporal_instant_caching", animation.scene, animation.vpls, machine.seed) {}
+
+  Sample sample() override {
+    const bool temporal_first = (frame_ & 1u) != 0;
+    double other = 0.0;
+    if (!temporal_first) other = other_.render(frame_).seconds_indirect;
+    const double temporal = temporal_.render(frame_).seconds_indirect;
+    if (temporal_first) other = other_.render(frame_).seconds_indirect;
+    ++frame_;
+    return {other / temporal};
+  }
+
+ private:
+  Studio other_, temporal_;
+  std::uint32_t frame_ = 0;
+};
+
+class TemporalVisible : public Experiment {
+ public:
+  TemporalVisible(const Machine& machine, std::string_view scene, std::uint32_t vpls)
+      : machine_(machine), scene_(scene), vpls_(vpls) {}
+
+  Sample sample() override {
+    const std::uint64_t seed = hash_keys(machine_.seed, count_++);
+    Studio temporal(machine_, "temporal_instant_caching", scene_, vpls_, seed);
+    for (std::uint32_t frame = 0; frame <= kLast; ++frame) temporal.render(frame);
+    Studio instant(machine_, "instant_gi", scene_, vpls_, seed);
+    instant.render(kLast);
+    return {hdrvdp(instant.picture(), temporal.picture(), nullptr, {}).front().value};
+  }
+
+ private:
+  static constexpr std::uint32_t kLast = 5;
+
+  Machine machine_;
+  std::string_view scene_;
+  std::uint32_t vpls_;
+  std::uint64_t count_ = 0;
+};
+
+class TemporalMemory : public Experiment {
+ public:
+  explicit TemporalMemory(const Machine& machine)
+      : temporal_(machine, "temporal_instant_caching", kAnimations[0].scene, kAnimations[0].vpls,
+                  machine.seed) {}
+
+  Sample sample() override {
+    const PassFigures figures = temporal_.render(frame_++).pass;
+    return {static_cast<double>(figures.bytes_beside_cache) / static_cast<double>(figures.records) /
+            (64.0 + kAnimations[0].vpls / 8.0)};
+  }
+
+ private:
+  Studio temporal_;
+  std::uint32_t frame_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_view integrator,
+                                          const Animation& animation) {
+  return std::make_unique<OverTemporal>(machine, integrator, animation);
+}
+
+std::unique_ptr<Experiment> temporal_visible(const Machine& machine, std::string_view scene,
+                                             std::uint32_t vpls) {
+  return std::make_unique<TemporalVisible>(machine, scene, vpls);
+}
+
+std::unique_ptr<Experiment> temporal_memory(const Machine& machine) {
+  return std::make_unique<TemporalMemory>(machine);
+}
+
+}  // namespace icbench

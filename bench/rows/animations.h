@@ -1,0 +1,62 @@
+// The thesis's animations as rows see them: how many virtual point lights each needs, and what the thesis measured.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "rows/row.h"
+
+namespace icbench {
+
+struct Animation {
+  std::string_view scene;
+  std::uint32_t vpls;  ///< at which the picture's visible error has levelled off (bench/tables)
+  double
+      igi_over_tic;    ///< to be reached, indirect time: Dubla 2012, table 6.4, or 25 where that is asked for
+  double ic_over_tic;  ///< the same; Bunnies 9: not slower than static caching by more than 5 %
+};
+
+inline constexpr std::array kAnimations{
+    Animation{"cornell_box", 1024, 25.0, 3.0}, Animation{"wobble", 1024, 12.33, 3.0},
+    Animation{"desk", 1024, 25.0, 3.0},        Animation{"bunnies_1", 1024, 18.67, 4.0},
+    Animation{"bunnies_2", 1024, 13.75, 3.25}, Animation{"bunnies_4", 1024, 11.0, 2.6},
+    Animation{"bunnies_9", 1024, 6.33, 1.33},  Animation{"conference", 1024, 25.0, 3.4},
+    Animation{"sibenik", 1024, 25.0, 8.4},
+};
+
+/// A scene whose pictures are judged, and its virtual lights.
+struct Still {
+  std::string_view scene;
+  std::uint32_t vpls;
+};
+
+/// The animations' scenes, and the thesis's others.
+inline std::vector<Still> stills() {
+  std::vector<Still> out;
+  for (const Animation& a : kAnimations) out.push_back({a.scene, a.vpls});
+  for (const std::string_view scene : {"cornell_specular", "cornell_indirect", "office"})
+    out.push_back({scene, 1024});
+  return out;
+}
+
+/// Pixels of the pictures, and the accuracy of the caches, at which the rows are measured.
+inline constexpr int kAnimationWidth = 320, kAnimationHeight = 240;
+inline constexpr float kAnimationAccuracy = 0.15f;
+
+/// Indirect time of a frame by an integrator over that by temporal instant caching. A sample is one frame of the
+/// animation, rendered by both.
+std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_view integrator,
+                                          const Animation& animation);
+
+/// Percentage of pixels that a human tells apart (HDR-VDP, P > 75 %) between the last frame of a few by temporal instant
+/// caching and by instant global illumination with the same virtual lights. A sample is one seed.
+std::unique_ptr<Experiment> temporal_visible(const Machine& machine, std::string_view scene,
+                                             std::uint32_t vpls);
+
+/// Bytes that temporal instant caching keeps of a record beside the cache over 64 and a bit a virtual light.
+std::unique_ptr<Experiment> temporal_memory(const Machine& machine);
+
+}  // namespace icbench

@@ -1,0 +1,104 @@
+#include "rows/rows.h"
+
+#include <fmt/format.h>
+
+#include "rows/animations.h"
+
+namespace icbench {
+namespace {
+
+// The animations' rows: how much of a frame's indirect time is saved by keeping what a motion leaves valid, and whether
+// anybody sees it.
+void add_animations(std::vector<Row>& rows) {
+  for (const Animation& animation : kAnimations) {
+    const auto add = [&](std::string_view integrator, std::string_view in_name, std::string_view in_words,
+                         double target) {
+      rows.push_back(
+          {fmt::format("{}_over_tic_{}", in_name, animation.scene),
+           fmt::format("indirect time of a frame of {}, {} virtual lights: {} / temporal instant caching",
+                       animation.scene, animation.vpls, in_words),
+           Relation::at_least, target, [&animation, integrator](const Machine& machine) {
+             return over_temporal(machine, integrator, animation);
+           }});
+    };
+    add("instant_gi", "igi", "instant global illumination", animation.igi_over_tic);
+    add("instant_caching", "ic", "instant caching", animation.ic_over_tic);
+  }
+  for (const Still& still : stills()) {
+    rows.push_back(
+        {fmt::format("tic_visible_{}", still.scene),
+         fmt::format("percent of the pixels of {} told apart (HDR-VDP, P > 75 %), temporal instant caching "
+                     "against instant global illumination",
+                     still.scene),
+         Relation::at_most, 0.33,
+         [still](const Machine& machine) { return temporal_visible(machine, still.scene, still.vpls); }});
+  }
+  rows.push_back(
+      {"tic_memory",
+       "bytes kept of a record beside the cache by temporal instant caching / 64 and a bit a virtual light",
+       Relation::at_most, 1.0, temporal_memory});
+}
+
+}  // namespace
+
+std::vector<Row> all_rows() {
+  std::vector<Row> rows = {
+      Row{"wait_free_query_over_twin",
+          "time of a wait_free query / of its unsynchronised twin; read-only, 10^5 records, 1 thread",
+          Relation::at_most, 1.15, query_over_twin},
+      Row{"wait_free_read_only_scaling",
+          "read-only throughput of wait_free on all N processing units / N times that on one",
+          Relation::at_least, 0.95, read_only_scaling},
+      Row{"wait_free_over_global_mutex",
+          "miss-driven throughput at 1 us a record, 4 threads a unit: wait_free / global_mutex",
+          Relation::at_least, 1.6, miss_driven_over_mutex},
+      // The price of strictness: linearizable queries over regular ones, on the same structure.
+      Row{"snapshot_query_over_wait_free",
+          "time of a wait_free_snapshot query / of a wait_free one; read-only, 10^5 records, 1 thread",
+          Relation::at_most, 1.08, snapshot_query},
+      Row{"snapshot_mix_over_wait_free",
+          "throughput of wait_free_snapshot / of wait_free; mix 90/10 on all processing units",
+          Relation::at_least, 0.85, snapshot_mix},
+      Row{"snapshot_latency_1000",
+          "median latency of a query while all other units insert 10^3 records a second: wait_free_snapshot "
+          "/ "
+          "wait_free (1.15 is this suite's own choice)",
+          Relation::at_most, 1.15, [](const Machine& machine) { return snapshot_latency(machine, 1'000); }},
+      Row{"snapshot_latency_10000",
+          "median latency of a query while all other units insert 10^4 records a second: wait_free_snapshot "
+          "/ "
+          "wait_free (1.15 is this suite's own choice)",
+          Relation::at_most, 1.15, [](const Machine& machine) { return snapshot_latency(machine, 10'000); }},
+      Row{"snapshot_latency_100000",
+          "median latency of a query while all other units insert 10^5 records a second: wait_free_snapshot "
+          "/ "
+          "wait_free (1.15 is this suite's own choice)",
+          Relation::at_most, 1.15, [](const Machine& machine) { return snapshot_latency(machine, 100'000); }},
+      Row{"snapshot_latency_1000000",
+          "median latency of a query while all other units insert 10^6 records a second: wait_free_snapshot "
+          "/ "
+          "wait_free (1.15 is this suite's own choice)",
+          Relation::at_most, 1.15,
+          [](const Machine& machine) { return snapshot_latency(machine, 1'000'000); }},
+      Row{"gather_over_bare_rays",
+          "rays a second of the hemisphere gather / of a bare loop of single Embree rays over the same rays",
+          Relation::at_least, 0.7, gather_over_bare_rays},
+      Row{"cached_mean_at_least",
+          "mean of cached Cornell box / of the path-traced one, indirect light at equal hits",
+          Relation::at_least, 0.99, cached_mean_ratio},
+      Row{"cached_mean_at_most",
+          "mean of cached Cornell box / of the path-traced one, indirect light at equal hits",
+          Relation::at_most, 1.01, cached_mean_ratio},
+      Row{"checker_speed",
+          "operations judged a second, histories of 4 threads on one core / 500,000: 10^6 in two seconds",
+          Relation::at_least, 1.0, checker_speed},
+      Row{"vpl_gather_over_bare_rays",
+          "shadow rays a second of a gather from virtual point lights / of the fastest bare Embree loop over "
+          "the same rays",
+          Relation::at_least, 0.85, vpl_gather_over_bare_rays},
+  };
+  add_animations(rows);
+  return rows;
+}
+
+}  // namespace icbench

@@ -1,0 +1,73 @@
+// How much of Embree's speed is left to a gather from virtual point lights: its shadow rays against the same rays in
+// bare loops of single rays and of packets, whichever is fastest.
+#include <algorithm>
+#include <chrono>
+
+#include "render/vpl_gather.h"
+#include "rows/animations.h"
+#include "rows/rows.h"
+#include "scene/registry.h"
+#include "workload/ray_traced_plan.h"
+
+namespace icbench {
+namespace {
+
+constexpr int kSide = 24;  // pixels a side of the image at whose hits is gathered
+
+class VplGatherOverBareRays : public Experiment {
+ public:
+  explicit VplGatherOverBareRays(const Machine& machine)
+      : rays_(make_scene(kAnimations[0].scene)),
+        tracer_(rays_),
+        vpls_(rays_, {kAnimations[0].vpls, machine.seed}),
+        clamp_(vpl_clamp(rays_.scene().bounds)) {
+    trace_all(vpls_, tracer_);
+    for (const Hit& hit : centre_hits(rays_, kSide, kSide).hits) {
+      if (reflects(rays_, hit)) points_.push_back(hit);
+    }
+    log_ = record_vpl_rays(rays_, points_, vpls_.vpls());
+    machine.bind();
+  }
+
+  Sample sample() override {
+    double bare = 0.0, gather = 0.0;
+    const auto trace_bare = [&] {
+      bare = std::min({seconds([&] { hits_ += rays_.bare_trace(log_); }),
+                       seconds([&] { hits_ += rays_.bare_occluded(log_, 8); }),
+                       seconds([&] { hits_ += rays_.bare_occluded(log_, 16); })});
+    };
+    const bool bare_first = (count_++ & 1u) != 0;
+    if (bare_first) trace_bare();
+    gather = seconds([&] {
+      for (const Hit& hit : points_) sum_ += gather_vpls(tracer_, hit, vpls_.vpls(), clamp_);
+    });
+    if (!bare_first) trace_bare();
+    return {bare / gather};
+  }
+
+ private:
+  template <class F>
+  static double seconds(F&& f) {
+    const auto start = std::chrono::steady_clock::now();
+    f();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  RayTracer rays_;
+  Tracer tracer_;
+  VplSet vpls_;
+  float clamp_;
+  std::vector<Hit> points_;
+  std::vector<TracedRay> log_;
+  std::uint64_t hits_ = 0;
+  Irradiance sum_{0.0f};
+  unsigned count_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Experiment> vpl_gather_over_bare_rays(const Machine& machine) {
+  return std::make_unique<VplGatherOverBareRays>(machine);
+}
+
+}  // namespace icbench

@@ -1,0 +1,55 @@
+#include "scene/import_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <new>
+#include <stdexcept>
+
+#include "image/file.h"
+#include "scene/import_model.h"
+
+namespace icbench {
+namespace {
+
+std::string lower_case(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+  return text;
+}
+
+// Names in files hold anything; a message is one line that a terminal can show.
+std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  return text;
+}
+
+importing::Model read(const std::filesystem::path& file) {
+  const std::string extension = lower_case(file.extension().string());
+  if (extension == ".rad") return importing::read_radiance(file, load_file(file));
+  if (extension == ".gltf" || extension == ".glb") return importing::read_gltf(file, load_file(file));
+  return importing::read_with_assimp(file);
+}
+
+}  // namespace
+
+bool names_a_file(std::string_view name) {
+  std::error_code ignored;
+  return name.find_first_of("./") != std::string_view::npos || std::filesystem::exists(name, ignored);
+}
+
+ImportedScene import_scene(const std::filesystem::path& file) {
+  try {
+    ImportedScene imported = importing::assemble(read(file));
+    for (std::string& note : imported.notes) note = one_line(std::move(note));
+    for (Mesh& mesh : imported.scene.meshes) mesh.name = one_line(std::move(mesh.name));
+    return imported;
+  } catch (const std::bad_alloc&) {
+    throw std::runtime_error(fmt::format("{}: takes more memory than there is", file.string()));
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(one_line(error.what()));
+  }
+}
+
+}  // namespace icbench

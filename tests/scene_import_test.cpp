@@ -1,0 +1,684 @@
+// Scenes from files: what becomes of nodes, materials, lights, cameras and animations of glTF, of Radiance's surfaces
+// and materials, and of formats that assimp reads.
+#include <assimp/scene.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <assimp/Exporter.hpp>
+#include <assimp/Importer.hpp>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <random>
+
+#include "render/ray_tracer.h"
+#include "scene/import_polygon.h"
+#include "scene/import_scene.h"
+#include "scene/registry.h"
+#include "scene_files.h"
+#include "temporary_folder.h"
+
+namespace icbench {
+namespace {
+
+using nlohmann::json;
+
+constexpr double kPi = std::numbers::pi;
+
+ImportedScene import_text(const char* name, std::string_view text) {
+  const TemporaryFolder folder;
+  write(folder / name, text);
+  return import_scene(folder / name);
+}
+
+ImportedScene import_gltf(const GltfFile& file) { return import_text("scene.gltf", file.text()); }
+
+bool has_note(const ImportedScene& s, const std::string& part) {
+  return std::any_of(s.notes.begin(), s.notes.end(),
+                     [&](const std::string& n) { return n.find(part) != n.npos; });
+}
+
+// By the divergence theorem: positive if the fronts of a closed mesh face outward.
+double volume(const Mesh& mesh, const Pose& pose = {}) {
+  double six = 0.0;
+  for (const glm::uvec3& t : mesh.triangles)
+    six += glm::dot(glm::dvec3(pose(mesh.positions[t.x])),
+                    glm::cross(glm::dvec3(pose(mesh.positions[t.y])), glm::dvec3(pose(mesh.positions[t.z]))));
+  return six / 6.0;
+}
+
+// Sum of the triangles' area vectors, m^2.
+glm::dvec3 area(const Mesh& mesh) {
+  glm::dvec3 sum(0.0);
+  for (const glm::uvec3& t : mesh.triangles) {
+    const glm::dvec3 a(mesh.positions[t.x]);
+    sum += 0.5 * glm::cross(glm::dvec3(mesh.positions[t.y]) - a, glm::dvec3(mesh.positions[t.z]) - a);
+  }
+  return sum;
+}
+
+void expect_near(const glm::vec3& a, const glm::vec3& b, float tolerance) {
+  EXPECT_LE(glm::distance(a, b), tolerance)
+      << a.x << ' ' << a.y << ' ' << a.z << " is not " << b.x << ' ' << b.y << ' ' << b.z;
+}
+
+GltfFile grey_cube() {
+  GltfFile f;
+  f.node({{"name", "cube"}, {"mesh", f.cube(f.material({{"name", "grey"}}))}});
+  return f;
+}
+
+TEST(ImportGltf, TextAndBinaryGiveTheSameScene) {
+  const ImportedScene a = import_gltf(spinning_cube()), b = import_text("scene.glb", spinning_cube().glb());
+  ASSERT_EQ(a.scene.meshes.size(), b.scene.meshes.size());
+  EXPECT_EQ(a.notes, b.notes);
+  EXPECT_EQ(a.scene.materials, b.scene.materials);
+  EXPECT_EQ(a.scene.point_lights, b.scene.point_lights);
+  EXPECT_EQ(a.scene.camera, b.scene.camera);
+  for (std::size_t i = 0; i < a.scene.meshes.size(); ++i) {
+    EXPECT_EQ(a.scene.meshes[i].positions, b.scene.meshes[i].positions);
+    EXPECT_EQ(a.scene.meshes[i].triangles, b.scene.meshes[i].triangles);
+  }
+}
+
+TEST(ImportGltf, AnAnimatedFileRendersFrameByFrame) {
+  ImportedScene imported = import_gltf(spinning_cube());
+  EXPECT_EQ(imported.scene.frames, 48u);
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  RayTracer rays(std::move(imported.scene));
+  Tracer tracer(rays);
+  const float inf = std::numeric_limits<float>::infinity();
+  for (const float frame : {0.0f, 6.0f, 12.0f, 30.0f, 47.0f}) {
+    rays.go_to(frame);
+    // The cube's side that a ray down the z axis meets: at 0.5 / cos of the angle from the nearest face.
+    const double turned = std::fmod(frame / 24.0 * 0.5 * kPi + 0.25 * kPi, 0.5 * kPi) - 0.25 * kPi;
+    const Hit spinner = tracer.intersect({{0, 0.6f, 1.9f}, inf, {0, 0, -1}});
+    EXPECT_NEAR(spinner.p.z, 0.5 / std::cos(turned), 1e-5) << "frame " << frame;
+    expect_near(rays.albedo(spinner), {0.8f, 0.4f, 0.1f}, 1e-6f);
+    // The small one circles at 1.2 m, the other way round; seen from above. Half a turn a second.
+    const double angle = -kPi * frame / 24.0;
+    const float x = static_cast<float>(1.2 * std::cos(angle)), z = static_cast<float>(-1.2 * std::sin(angle));
+    const Hit circling = tracer.intersect({{x, 1.4f, z}, inf, {0, -1, 0}});
+    EXPECT_NEAR(circling.p.y, 0.5f, 1e-5f) << "frame " << frame;
+  }
+}
+
+TEST(ImportGltf, InstancesOfAMovingMeshShareItsShape) {
+  const Scene scene = import_gltf(spinning_cube()).scene;
+  int owners = 0, instances = 0;
+  for (const Mesh& mesh : scene.meshes) {
+    if (!mesh.pose) continue;
+    ++(mesh.instance_of == kOwnShape ? owners : instances);
+  }
+  EXPECT_EQ(owners, 1);
+  EXPECT_EQ(instances, 1);
+}
+
+TEST(ImportGltf, NodesStandWhereTheirAncestorsPutThem) {
+  GltfFile f;
+  const auto cube = f.cube(f.material(json::object()));
+  const auto leaf =
+      GltfFile::append(f.doc["nodes"], {{"mesh", cube}, {"translation", {1, 0, 0}}, {"scale", {2, 2, 2}}});
+  const auto turned = GltfFile::append(
+      f.doc["nodes"],
+      {{"children", {leaf}}, {"rotation", {0, 0, std::sqrt(0.5), std::sqrt(0.5)}}});  // x to y
+  f.node({{"children", {turned}}, {"matrix", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1}}});
+  Scene scene = import_gltf(f).scene;
+  prepare(scene);
+  const glm::vec3 centre = 0.5f * (scene.bounds.lower + scene.bounds.upper);
+  expect_near(centre, {0, 1, 5}, 1e-5f);
+  EXPECT_NEAR(volume(scene.meshes[0]), 8.0, 1e-4);
+}
+
+TEST(ImportGltf, MirroredNodesKeepTheirFrontsOutside) {
+  for (const bool moving : {false, true}) {
+    GltfFile f = grey_cube();
+    f.doc["nodes"][0]["scale"] = {-1, 2, 1};
+    f.doc["nodes"][0]["translation"] = {3, 0, 0};
+    if (moving) f.animate(0, "translation", f.scalars({0, 1}), f.vec3s({3, 0, 0, 4, 0, 0}));
+    Scene scene = import_gltf(f).scene;
+    prepare(scene);
+    const Mesh& mesh = scene.meshes[0];
+    EXPECT_EQ(static_cast<bool>(mesh.pose), moving);
+    EXPECT_NEAR(volume(mesh, mesh.pose ? mesh.pose(0.0f) : Pose{}), 2.0, 1e-5);
+  }
+}
+
+TEST(ImportGltf, KeysAreInterpolatedAsTheySay) {
+  const auto at = [](const char* way, std::vector<float> values, float frame) {
+    GltfFile f = grey_cube();
+    f.animate(0, "translation", f.scalars({0, 1}), f.vec3s(values), way);
+    return import_gltf(f).scene.meshes[0].pose(frame).shift.x;
+  };
+  EXPECT_NEAR(at("LINEAR", {0, 0, 0, 4, 0, 0}, 6.0f), 1.0f, 1e-6f);
+  EXPECT_NEAR(at("STEP", {0, 0, 0, 4, 0, 0}, 23.0f), 0.0f, 1e-6f);
+  EXPECT_NEAR(at("STEP", {0, 0, 0, 4, 0, 0}, 24.0f), 4.0f, 1e-6f);
+  // From 0 to 4 with slopes of 2 and -3 a second: at a quarter, 0.15625 * 4 + 0.140625 * 2 + 0.046875 * 3.
+  EXPECT_NEAR(at("CUBICSPLINE", {0, 0, 0, 0, 0, 0, 2, 0, 0, -3, 0, 0, 4, 0, 0, 0, 0, 0}, 6.0f), 1.046875f,
+              1e-5f);
+}
+
+TEST(ImportGltf, AChannelThatDoesNotChangeIsNoMotion) {
+  GltfFile f = grey_cube();
+  f.animate(0, "translation", f.scalars({0, 1}), f.vec3s({3, 0, 0, 3, 0, 0}));
+  const Scene scene = import_gltf(f).scene;
+  EXPECT_FALSE(scene.moves());
+  EXPECT_EQ(scene.frames, 1u);
+  EXPECT_NEAR(scene.meshes[0].positions[0].x, 2.5f, 1e-6f);
+}
+
+TEST(ImportGltf, AScaleThroughZeroIsKeptFromIt) {
+  GltfFile f = grey_cube();
+  f.animate(0, "scale", f.scalars({0, 1}), f.vec3s({1, 1, 1, 0, 0, 0}));
+  ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "scale that passes through zero"));
+  EXPECT_NO_THROW(prepare(imported.scene));
+}
+
+TEST(ImportGltf, FramesAreCapped) {
+  GltfFile f = grey_cube();
+  f.animate(0, "translation", f.scalars({0, 1e9f}), f.vec3s({0, 0, 0, 1, 0, 0}));
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_EQ(imported.scene.frames, kMaxFrames);
+  EXPECT_TRUE(has_note(imported, "cut to 10000 frames"));
+}
+
+TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
+  const auto read = [](const json& material) {
+    GltfFile f;
+    f.node({{"mesh", f.square(f.material(material))}});
+    return import_gltf(f).scene.materials[0];
+  };
+  const auto pbr = [](double metallic, double roughness) {
+    return json{{"pbrMetallicRoughness",
+                 {{"baseColorFactor", {0.2, 0.4, 0.6, 1.0}},
+                  {"metallicFactor", metallic},
+                  {"roughnessFactor", roughness}}}};
+  };
+  EXPECT_EQ(read(json::object()), Material{.albedo = glm::vec3(1.0f)});
+  EXPECT_EQ(read(pbr(0.0, 0.05)), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
+  EXPECT_EQ(read(pbr(1.0, 0.2)), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
+  EXPECT_EQ(read(pbr(1.0, 0.1)), (Material{.albedo = {0.2f, 0.4f, 0.6f}, .surface = Surface::mirror}));
+  json glass = pbr(0.0, 0.0);
+  glass["extensions"] = {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+                         {"KHR_materials_ior", {{"ior", 1.33}}}};
+  EXPECT_EQ(read(glass),
+            (Material{.albedo = {0.2f, 0.4f, 0.6f}, .surface = Surface::dielectric, .ior = 1.33f}));
+  json blended = pbr(0.0, 1.0);
+  blended["alphaMode"] = "BLEND";
+  EXPECT_EQ(read(blended).surface, Surface::diffuse);
+  blended["pbrMetallicRoughness"]["baseColorFactor"][3] = 0.3;
+  EXPECT_EQ(read(blended).surface, Surface::dielectric);
+  json lamp = pbr(1.0, 0.0);  // what emits is diffuse
+  lamp["emissiveFactor"] = {1, 0.5, 0};
+  lamp["extensions"] = {{"KHR_materials_emissive_strength", {{"emissiveStrength", 8}}}};
+  EXPECT_EQ(read(lamp), (Material{.albedo = {0.2f, 0.4f, 0.6f}, .emission = {8, 4, 0}}));
+}
+
+TEST(ImportGltf, ThinGlassGetsABackThickGlassDoesNot) {
+  GltfFile f;
+  const auto thin =
+      f.material({{"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 1}}}}}});
+  const auto thick = f.material({{"extensions",
+                                  {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+                                   {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}});
+  f.node({{"mesh", f.square(thin)}});
+  f.node({{"mesh", f.square(thick)}});
+  const Scene scene = import_gltf(f).scene;
+  ASSERT_EQ(scene.meshes.size(), 2u);
+  EXPECT_EQ(scene.meshes[0].triangles.size(), 4u);
+  EXPECT_NEAR(glm::length(area(scene.meshes[0])), 0.0, 1e-6) << "the sheets do not face away from each other";
+  EXPECT_LT(scene.meshes[0].positions[4].z, scene.meshes[0].positions[0].z)
+      << "the second is not behind the first";
+  EXPECT_EQ(scene.meshes[1].triangles.size(), 2u);
+}
+
+// The albedo that a ray from z = 1 finds at (x, y) of a unit square with the four-coloured image.
+glm::vec3 painted(const std::string& image_uri, const std::function<void(GltfFile&)>& change, float x,
+                  float y) {
+  const TemporaryFolder folder;
+  write(folder / "my picture.png", quarters_png());
+  GltfFile f;
+  f.doc["images"] = {{{"uri", image_uri}}};
+  f.doc["textures"] = {{{"source", 0}}};
+  const auto mesh = f.square(f.material({{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}));
+  f.doc["meshes"][mesh]["primitives"][0]["attributes"]["TEXCOORD_0"] = f.vec2s({0, 1, 1, 1, 1, 0, 0, 0});
+  f.node({{"mesh", mesh}});
+  change(f);
+  write(folder / "scene.gltf", f.text());
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  const RayTracer rays(import_scene(folder / "scene.gltf").scene);
+  Tracer tracer(rays);
+  return rays.albedo(tracer.intersect({{x, y, 1}, 10.0f, {0, 0, -1}}));
+}
+
+TEST(ImportGltf, TexturesStandUprightWhateverTheyComeFrom) {
+  const std::string uris[] = {"my%20picture.png", "data:image/png;base64," + base64(quarters_png()),
+                              "data:image/jpeg;base64," + base64(quarters_jpeg())};
+  for (const std::string& uri : uris) {
+    const auto unchanged = [](GltfFile&) {};
+    const float tolerance = uri.find("jpeg") != uri.npos ? 0.05f : 1e-5f;
+    expect_near(painted(uri, unchanged, -0.25f, 0.25f), {1, 0, 0}, tolerance);
+    expect_near(painted(uri, unchanged, 0.25f, 0.25f), {0, 1, 0}, tolerance);
+    expect_near(painted(uri, unchanged, -0.25f, -0.25f), {0, 0, 1}, tolerance);
+    expect_near(painted(uri, unchanged, 0.25f, -0.25f), {1, 1, 1}, tolerance);
+  }
+}
+
+TEST(ImportGltf, TextureCoordinatesMayBeNormalisedOrTransformed) {
+  const std::string uri = "my%20picture.png";
+  const auto bytes = [](GltfFile& f) {
+    const auto uv = f.accessor<std::uint8_t>({0, 255, 255, 255, 255, 0, 0, 0}, "VEC2", 2, 5121);
+    f.doc["accessors"][uv]["normalized"] = true;
+    f.doc["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = uv;
+  };
+  expect_near(painted(uri, bytes, 0.25f, 0.25f), {0, 1, 0}, 1e-5f);
+  const auto shifted = [](GltfFile& f) {
+    f.doc["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"]["KHR_texture_transform"] =
+        {{"offset", {0.5, 0}}, {"scale", {0.5, 0.5}}};
+  };
+  expect_near(painted(uri, shifted, -0.25f, 0.25f), {0, 1, 0}, 1e-5f);
+}
+
+TEST(ImportGltf, EmissiveTexturesCountByTheirMean) {
+  GltfFile f;
+  f.doc["images"] = {{{"bufferView", f.view(quarters_png())}}};
+  f.doc["textures"] = {{{"source", 0}}};
+  f.node(
+      {{"mesh", f.square(f.material({{"emissiveFactor", {1, 1, 1}}, {"emissiveTexture", {{"index", 0}}}}))}});
+  const ImportedScene imported = import_gltf(f);
+  expect_near(imported.scene.materials[0].emission, {0.5f, 0.5f, 0.5f}, 1e-5f);
+  EXPECT_TRUE(has_note(imported, "mean colour"));
+}
+
+GltfFile cube_and_light(const json& light, const json& node) {
+  GltfFile f = grey_cube();
+  f.doc["extensions"]["KHR_lights_punctual"]["lights"] = {light};
+  json lit = node;
+  lit["extensions"] = {{"KHR_lights_punctual", {{"light", 0}}}};
+  f.node(lit);
+  return f;
+}
+
+TEST(ImportGltf, PointAndSpotLightsShineFromTheirNodes) {
+  const Scene point =
+      import_gltf(cube_and_light({{"type", "point"}, {"color", {1, 0.5, 0}}, {"intensity", 8}},
+                                 {{"translation", {1, 2, 3}}}))
+          .scene;
+  ASSERT_EQ(point.point_lights.size(), 1u);
+  EXPECT_EQ(point.point_lights[0], (PointLight{.p = {1, 2, 3}, .intensity = {8, 4, 0}, .axis = {0, 0, -1}}));
+  const Scene spot =
+      import_gltf(
+          cube_and_light({{"type", "spot"}, {"spot", {{"innerConeAngle", 0.25}, {"outerConeAngle", 0.5}}}},
+                         {{"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}}))
+          .scene;
+  expect_near(spot.point_lights[0].axis, {0, -1, 0}, 1e-6f);
+  EXPECT_NEAR(spot.point_lights[0].cos_inner, std::cos(0.25), 1e-6);
+  EXPECT_NEAR(spot.point_lights[0].cos_outer, std::cos(0.5), 1e-6);
+}
+
+TEST(ImportGltf, ADirectionalLightGivesItsIrradianceAtTheCentre) {
+  const ImportedScene imported =
+      import_gltf(cube_and_light({{"type", "directional"}, {"intensity", 3}}, json::object()));
+  const PointLight& sun = imported.scene.point_lights[0];
+  EXPECT_GT(sun.p.z, 40.0f);
+  EXPECT_NEAR(sun.intensity.x / glm::dot(sun.p, sun.p), 3.0f, 1e-4f);
+  EXPECT_TRUE(has_note(imported, "directional"));
+}
+
+TEST(ImportGltf, LightsAndCamerasMoveWithTheirNodes) {
+  GltfFile f = cube_and_light({{"type", "point"}}, json::object());
+  f.doc["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 0.5}, {"znear", 0.1}}}}};
+  f.node({{"camera", 0}});
+  const auto times = f.scalars({0, 1});
+  f.animate(1, "translation", times, f.vec3s({0, 0, 2, 0, 0, 4}));
+  f.animate(2, "translation", times, f.vec3s({0, 0, 5, 0, 0, 9}));
+  Scene scene = import_gltf(f).scene;
+  ASSERT_TRUE(scene.change_light && scene.camera_path);
+  scene.change_light(12.0f, scene.materials, scene.point_lights);
+  expect_near(scene.point_lights[0].p, {0, 0, 3}, 1e-6f);
+  const Camera camera = scene.camera_path(12.0f);
+  expect_near(camera.eye, {0, 0, 7}, 1e-6f);
+  expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-6f);
+  EXPECT_FLOAT_EQ(camera.fov_y, 0.5f);
+}
+
+TEST(ImportGltf, WithoutCameraAndLightTheWholeSceneIsSeenAndLit) {
+  ImportedScene imported = import_gltf(grey_cube());
+  EXPECT_TRUE(has_note(imported, "no camera"));
+  EXPECT_TRUE(has_note(imported, "no light"));
+  const Camera& c = imported.scene.camera;
+  const glm::vec3 forward = glm::normalize(c.target - c.eye);
+  for (int i = 0; i < 8; ++i) {
+    const glm::vec3 p(i & 1 ? 0.5f : -0.5f, i & 2 ? 0.5f : -0.5f, i & 4 ? 0.5f : -0.5f);
+    EXPECT_GE(glm::dot(glm::normalize(p - c.eye), forward), std::cos(0.5f * c.fov_y)) << "corner " << i;
+  }
+  const PointLight& light = imported.scene.point_lights.at(0);
+  EXPECT_NEAR(light.intensity.x / glm::dot(light.p, light.p), kPi, 1e-4);
+  EXPECT_NO_THROW(prepare(imported.scene));
+}
+
+TEST(ImportGltf, ASceneFarFromItsOriginKeepsItsShape) {
+  GltfFile f = grey_cube();
+  f.doc["nodes"][0]["translation"] = {6.4e6, 0, 1e7};
+  f.doc["nodes"][0]["scale"] = {0.01, 0.01, 0.01};
+  ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "far from its origin"));
+  EXPECT_NEAR(volume(imported.scene.meshes[0]), 1e-6, 1e-10);
+  EXPECT_NO_THROW(prepare(imported.scene));
+}
+
+TEST(ImportGltf, StripsFansListsAndSparseAccessorsAreRead) {
+  const auto area_of = [](const std::function<void(GltfFile&, json & primitive)>& change) {
+    GltfFile f;
+    f.node({{"mesh", f.square(f.material(json::object()))}});
+    json primitive = f.doc["meshes"][0]["primitives"][0];
+    change(f, primitive);
+    f.doc["meshes"][0]["primitives"][0] = primitive;
+    return area(import_gltf(f).scene.meshes[0]).z;
+  };
+  EXPECT_NEAR(area_of([](GltfFile&, json&) {}), 1.0, 1e-6);
+  EXPECT_NEAR(area_of([](GltfFile& f, json& p) {
+                p["mode"] = 5;
+                p["indices"] = f.indices({0, 1, 3, 2});
+              }),
+              1.0, 1e-6);
+  EXPECT_NEAR(area_of([](GltfFile& f, json& p) {
+                p["mode"] = 6;
+                p["indices"] = f.indices({0, 1, 2, 3});
+              }),
+              1.0, 1e-6);
+  EXPECT_NEAR(area_of([](GltfFile&, json& p) { p.erase("indices"); }), 0.5, 1e-6);
+  EXPECT_NEAR(area_of([](GltfFile& f, json& p) {  // two corners of nothing but zeros are moved
+                const auto where = f.view(std::string("\0\1", 2));
+                const float moved[] = {-3, 0, 0, 0, -2, 0};
+                const auto what = f.view({reinterpret_cast<const char*>(moved), sizeof moved});
+                p["attributes"]["POSITION"] = GltfFile::append(
+                    f.doc["accessors"], {{"componentType", 5126},
+                                         {"count", 3},
+                                         {"type", "VEC3"},
+                                         {"sparse",
+                                          {{"count", 2},
+                                           {"indices", {{"bufferView", where}, {"componentType", 5121}}},
+                                           {"values", {{"bufferView", what}}}}}});
+                p["indices"] = f.indices({0, 1, 2});
+              }),
+              3.0, 1e-6);
+}
+
+TEST(ImportGltf, WhatIsLeftOutIsNamedOnce) {
+  GltfFile f = spinning_cube();
+  f.doc["nodes"][0]["skin"] = 0;
+  for (json& material : f.doc["materials"]) material["normalTexture"] = {{"index", 0}};
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "skinning"));
+  EXPECT_TRUE(has_note(imported, "normal maps (4 times)"));
+  EXPECT_EQ(std::count_if(imported.notes.begin(), imported.notes.end(),
+                          [](const std::string& n) { return n.starts_with("left out:"); }),
+            1);
+}
+
+TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {
+  const TemporaryFolder folder;
+  write(folder / "cube.gltf", grey_cube().text());
+  std::vector<std::string> notes;
+  EXPECT_EQ(make_scene((folder / "cube.gltf").string(), &notes).meshes.size(), 1u);
+  EXPECT_FALSE(notes.empty());
+  EXPECT_TRUE(is_one_line_with(error_of([] { make_scene("cornel_box"); }), "cornell_box"));
+  EXPECT_TRUE(
+      is_one_line_with(error_of([&] { make_scene((folder / "absent.gltf").string()); }), "absent.gltf"));
+  EXPECT_TRUE(
+      is_one_line_with(error_of([&] { make_scene((folder / "scene.txt").string()); }), "convert the scene"));
+}
+
+// The mesh of a .rad file whose material is `albedo`.
+const Mesh& mesh_of(const Scene& scene, const glm::vec3& albedo) {
+  for (const Mesh& mesh : scene.meshes)
+    if (glm::distance(scene.materials[mesh.material].albedo, albedo) < 1e-4f) return mesh;
+  throw std::runtime_error("no mesh of that colour");
+}
+
+constexpr const char* kRed = "void plastic red 0 0 5 .5 0 0 0 0\n";
+constexpr glm::vec3 kRedAlbedo(0.5f, 0.0f, 0.0f);
+
+double rad_volume(const std::string& surface) {
+  return volume(import_text("s.rad", kRed + surface).scene.meshes[0]);
+}
+
+TEST(ImportRadiance, CurvedSurfacesFaceTheRightWayAndHaveTheRightSize) {
+  EXPECT_NEAR(rad_volume("red sphere s 0 0 4 1 2 3 .5"), 4.0 / 3.0 * kPi * 0.125, 0.005);
+  EXPECT_NEAR(rad_volume("red bubble s 0 0 4 1 2 3 .5"), -4.0 / 3.0 * kPi * 0.125, 0.005);
+  // Open at both ends: the caps would add what a centred one lacks, a third of the volume.
+  EXPECT_NEAR(rad_volume("red cylinder c 0 0 7 0 0 -1 0 0 1 .5"), 2.0 / 3.0 * kPi * 0.5, 0.01);
+  EXPECT_NEAR(rad_volume("red tube c 0 0 7 0 0 -1 0 0 1 .5"), -2.0 / 3.0 * kPi * 0.5, 0.01);
+  // From its tip a cone without its base shows no volume; from its base's centre all of it.
+  EXPECT_NEAR(rad_volume("red cone c 0 0 8 0 0 0 0 0 3 1 0"), kPi, 0.02);
+  EXPECT_NEAR(rad_volume("red cup c 0 0 8 0 0 0 0 0 3 1 0"), -kPi, 0.02);
+  const Mesh ring =
+      import_text("s.rad", std::string(kRed) + "red ring r 0 0 8 1 1 1 0 0 -2 1 .5").scene.meshes[0];
+  EXPECT_NEAR(area(ring).z, -0.75 * kPi, 0.01);
+}
+
+TEST(ImportRadiance, CurvedSurfacesAreSmooth) {
+  const Mesh ball = import_text("s.rad", std::string(kRed) + "red sphere s 0 0 4 1 0 0 .5").scene.meshes[0];
+  ASSERT_EQ(ball.normals.size(), ball.positions.size());
+  for (std::size_t i = 0; i < ball.positions.size(); ++i)
+    expect_near(ball.normals[i], 2.0f * (ball.positions[i] - glm::vec3(1, 0, 0)), 1e-5f);
+}
+
+TEST(ImportRadiance, PolygonsMayBeConcaveAndHaveHoles) {
+  const std::string with_hole =
+      "red polygon p 0 0 30\n0 0 0 4 0 0 4 4 0 0 4 0 0 0 0\n1 1 0 1 3 0 3 3 0 3 1 0 1 1 0";
+  const Scene scene = import_text("s.rad", kRed + with_hole).scene;
+  EXPECT_NEAR(area(scene.meshes[0]).z, 12.0, 1e-5);
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  const RayTracer rays(scene);
+  Tracer tracer(rays);
+  EXPECT_TRUE(tracer.intersect({{2.1f, 2.2f, 1}, 9.0f, {0, 0, -1}}).missed()) << "the hole is filled";
+  EXPECT_FALSE(tracer.intersect({{0.5f, 2.2f, 1}, 9.0f, {0, 0, -1}}).missed());
+}
+
+TEST(ImportRadiance, MaterialsAreMappedAsDocumented) {
+  const auto read = [](const std::string& material) {
+    return import_text("s.rad", "void " + material + "\nm polygon p 0 0 9 0 0 0 1 0 0 0 1 0")
+        .scene.materials[0];
+  };
+  EXPECT_EQ(read("plastic m 0 0 5 .2 .4 .6 0 .1"), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
+  EXPECT_NEAR(read("plastic m 0 0 5 .2 .4 .6 .05 .1").albedo.x, 0.95 * 0.2 + 0.05, 1e-6);
+  EXPECT_EQ(read("metal m 0 0 5 .2 .4 .6 .9 .2"), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
+  EXPECT_EQ(read("metal m 0 0 5 .2 .4 .6 .9 0").surface, Surface::mirror);
+  EXPECT_EQ(read("mirror m 0 0 3 .9 .8 .7"),
+            (Material{.albedo = {0.9f, 0.8f, 0.7f}, .surface = Surface::mirror}));
+  EXPECT_EQ(read("light m 0 0 3 5 6 7"), (Material{.emission = {5, 6, 7}}));
+  EXPECT_EQ(read("glow m 0 0 4 5 6 7 2"), (Material{.emission = {5, 6, 7}}));
+  const Material glass = read("glass m 0 0 3 .81 .81 .81");
+  EXPECT_EQ(glass.surface, Surface::dielectric);
+  expect_near(glass.albedo, glm::vec3(0.9f), 1e-6f);
+}
+
+TEST(ImportRadiance, ModifiersAreFollowedToTheirMaterial) {
+  const std::string polygon = " polygon p 0 0 9 0 0 0 1 0 0 0 1 0\n";
+  const auto colour = [&](const std::string& text) {
+    const ImportedScene s = import_text("s.rad", kRed + text);
+    return s.scene.materials[s.scene.meshes.at(0).material].albedo;
+  };
+  EXPECT_EQ(colour("void alias crimson red\ncrimson" + polygon), kRedAlbedo);
+  EXPECT_EQ(colour("void colorpict wood 1 x 0 0\nwood alias crimson red\ncrimson" + polygon), kRedAlbedo);
+  EXPECT_EQ(colour("red brightfunc dirt 2 dirt dirt.cal 0 0\ndirt" + polygon), kRedAlbedo);
+  EXPECT_EQ(colour("nobody" + polygon), glm::vec3(0.5f));
+  // A name counts as it was last defined before.
+  EXPECT_EQ(colour("red" + polygon + "void plastic red 0 0 5 0 0 1 0 0\n"), kRedAlbedo);
+  const ImportedScene odd =
+      import_text("s.rad", kRed + ("nobody" + polygon + "nobody" + polygon + "void" + polygon) +
+                               "void source sun 0 0 4 0 0 1 .5\nvoid trans t 0 0 7 1 1 1 0 0 0 0\n");
+  EXPECT_TRUE(has_note(odd, "grey stands for the modifiers nobody"));
+  EXPECT_TRUE(has_note(odd, "not known: source trans"));
+  EXPECT_TRUE(has_note(odd, "void"));
+}
+
+TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
+  const TemporaryFolder folder;
+  write(folder / "room.rad", kRadianceRoom);
+  ImportedScene room = import_scene(folder / "room.rad");
+  expect_near(room.scene.camera.eye, {2, -6, 1.6f}, 1e-6f);
+  expect_near(room.scene.camera.up, {0, 0, 1}, 1e-6f);
+  EXPECT_NEAR(room.scene.camera.fov_y, 35.0 * kPi / 180.0, 1e-6);
+  EXPECT_TRUE(room.notes.empty());
+  write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vo 0 -va 0\n");
+  expect_near(import_scene(folder / "room.rad").scene.camera.eye, {1, 1, 1}, 1e-6f);
+  expect_near(mesh_of(room.scene, glm::vec3(0.6f)).positions[0], {0, 0, 0}, 1e-6f);
+}
+
+// Area by triangles, or a negative number if one runs the wrong way.
+double covered(const std::vector<glm::dvec3>& corners) {
+  double sum = 0.0;
+  for (const glm::uvec3& t : importing::triangulate(corners)) {
+    const double a = 0.5 * glm::cross(corners[t.y] - corners[t.x], corners[t.z] - corners[t.x]).z;
+    if (a < -1e-9) return -1.0;
+    sum += a;
+  }
+  return sum;
+}
+
+TEST(Triangulate, CoversHardPolygonsExactly) {
+  std::vector<glm::dvec3> comb;  // 20 teeth
+  for (int i = 0; i < 20; ++i) comb.insert(comb.end(), {{2.0 * i, 0, 0}, {2.0 * i + 1, 5, 0}});
+  comb.insert(comb.end(), {{40, 0, 0}, {40, -1, 0}, {0, -1, 0}});
+  std::reverse(comb.begin(), comb.end());
+  EXPECT_NEAR(covered(comb), 40.0 + 100.0, 1e-9);
+  std::vector<glm::dvec3> spiral;
+  for (int i = 0; i <= 200; ++i) {
+    const double a = 0.1 * i;
+    spiral.emplace_back((1 + a) * std::cos(a), (1 + a) * std::sin(a), 0);
+  }
+  for (int i = 200; i >= 0; --i) {
+    const double a = 0.1 * i;
+    spiral.emplace_back((2 + a) * std::cos(a), (2 + a) * std::sin(a), 0);
+  }
+  double twice = 0.0;
+  for (std::size_t i = 0; i < spiral.size(); ++i)
+    twice += glm::cross(spiral[i], spiral[(i + 1) % spiral.size()]).z;
+  std::reverse(spiral.begin(), spiral.end());
+  EXPECT_NEAR(covered(spiral), 0.5 * std::abs(twice), 1e-6);
+  // Points on the edges, and a point twice.
+  EXPECT_NEAR(
+      covered({{0, 0, 0}, {1, 0, 0}, {1, 0, 0}, {2, 0, 0}, {2, 2, 0}, {1, 2, 0}, {0, 2, 0}, {0, 1, 0}}), 4.0,
+      1e-9);
+  // Two holes by two seams from one corner.
+  EXPECT_NEAR(covered({{0, 0, 0},
+                       {9, 0, 0},
+                       {9, 9, 0},
+                       {0, 9, 0},
+                       {0, 0, 0},
+                       {1, 2, 0},
+                       {1, 4, 0},
+                       {3, 4, 0},
+                       {3, 2, 0},
+                       {1, 2, 0},
+                       {0, 0, 0},
+                       {5, 2, 0},
+                       {5, 4, 0},
+                       {8, 4, 0},
+                       {8, 2, 0},
+                       {5, 2, 0}}),
+              81.0 - 4.0 - 6.0, 1e-9);
+  EXPECT_TRUE(importing::triangulate(std::vector<glm::dvec3>{{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}).empty());
+}
+
+TEST(Triangulate, CoversStarsInAnyPlaneExactly) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(0.1, 1.0);
+  for (int trial = 0; trial < 200; ++trial) {
+    const int n = 3 + trial;
+    const glm::dvec3 u = glm::normalize(glm::dvec3(uniform(random), uniform(random), -uniform(random)));
+    const glm::dvec3 w =
+        glm::normalize(glm::cross(u, glm::dvec3(uniform(random), -uniform(random), uniform(random))));
+    const glm::dvec3 v = glm::cross(w, u);
+    std::vector<glm::dvec3> star;
+    glm::dvec3 twice(0.0), sum(0.0);
+    for (int i = 0; i < n; ++i) {
+      const double a = 2.0 * kPi * i / n, r = uniform(random);
+      star.push_back(r * std::cos(a) * u + r * std::sin(a) * v + glm::dvec3(1e3));
+    }
+    for (int i = 0; i < n; ++i)
+      twice += glm::cross(star[static_cast<std::size_t>(i)] - star[0],
+                          star[static_cast<std::size_t>((i + 1) % n)] - star[0]);
+    double all = 0.0;
+    for (const glm::uvec3& t : importing::triangulate(star)) {
+      const glm::dvec3 a = 0.5 * glm::cross(star[t.y] - star[t.x], star[t.z] - star[t.x]);
+      sum += a;
+      all += glm::length(a);
+    }
+    EXPECT_NEAR(glm::length(sum), 0.5 * glm::length(twice), 1e-9);
+    EXPECT_NEAR(all, glm::length(sum), 1e-9) << "triangles overlap in a star of " << n;
+  }
+}
+
+TEST(ImportAssimp, AnObjFileComesWithItsMaterialsAndTextures) {
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  write(folder / "square.mtl", "newmtl paint\nKd 1 1 1\nmap_Kd paint.png\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n");
+  write(folder / "square.obj",
+        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 2\nv 1 0 2\nv 1 1 2\nvt 0 0\nvt 1 "
+        "0\nvt 1 1\nvt 0 1\n"
+        "usemtl paint\nf 1/1 2/2 3/3 4/4\nusemtl lamp\nf 5 7 6\n");
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  const RayTracer rays(import_scene(folder / "square.obj").scene);
+  Tracer tracer(rays);
+  expect_near(rays.albedo(tracer.intersect({{0.25f, 0.75f, 1}, 9.0f, {0, 0, -1}})), {1, 0, 0}, 1e-5f);
+  expect_near(rays.emitted(tracer.intersect({{0.75f, 0.25f, 1}, 9.0f, {0, 0, 1}})), {2, 3, 4}, 1e-5f);
+}
+
+// A triangle that a node moves by 3 m in a second, under a camera, in centimetres.
+constexpr const char* kCollada = R"(<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_cameras><camera id="cam"><optics><technique_common><perspective><xfov>60</xfov><aspect_ratio>1</aspect_ratio>
+<znear>1</znear><zfar>100</zfar></perspective></technique_common></optics></camera></library_cameras>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="pa" count="9">0 0 0 100 0 0 0 100 0</float_array><technique_common>
+<accessor source="#pa" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
+<library_animations><animation id="a"><source id="t"><float_array id="ta" count="2">0 1</float_array><technique_common>
+<accessor source="#ta" count="2" stride="1"><param name="TIME" type="float"/></accessor></technique_common></source>
+<source id="o"><float_array id="oa" count="6">0 0 0 300 0 0</float_array><technique_common>
+<accessor source="#oa" count="2" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<sampler id="s"><input semantic="INPUT" source="#t"/><input semantic="OUTPUT" source="#o"/></sampler>
+<channel source="#s" target="mover/move"/></animation></library_animations>
+<library_visual_scenes><visual_scene id="vs">
+<node id="mover" name="mover"><translate sid="move">0 0 0</translate><instance_geometry url="#g"/></node>
+<node id="eye" name="eye"><translate>0 0 500</translate><instance_camera url="#cam"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#vs"/></scene></COLLADA>
+)";
+
+TEST(ImportAssimp, AColladaFileComesInMetresWithItsAnimationAndCamera) {
+  const ImportedScene imported = import_text("move.dae", kCollada);
+  ASSERT_EQ(imported.scene.frames, 24u);
+  const Mesh& mesh = imported.scene.meshes.at(0);
+  const Pose start = mesh.pose(0.0f), later = mesh.pose(12.0f);
+  const glm::vec3 edge = start(mesh.positions[1]) - start(mesh.positions[0]);
+  EXPECT_NEAR(glm::length(edge), 1.0f, 1e-4f);
+  expect_near(later(mesh.positions[0]) - start(mesh.positions[0]), {1.5f, 0, 0}, 1e-4f);
+  expect_near(imported.scene.camera.eye, {0, 0, 5}, 1e-4f);
+  const Camera& camera = imported.scene.camera;
+  expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-5f);
+}
+
+TEST(ImportAssimp, AnFbxFileComesInMetres) {
+  const TemporaryFolder folder;
+  write(folder / "move.dae",
+        kCollada);  // its sides are 100 long; assimp exports it with centimetres as the unit
+  Assimp::Importer importer;
+  Assimp::Exporter exporter;
+  const aiScene* scene = importer.ReadFile((folder / "move.dae").string(), 0);
+  ASSERT_TRUE(scene);
+  ASSERT_EQ(exporter.Export(scene, "fbxa", (folder / "move.fbx").string()), AI_SUCCESS);
+  const Mesh mesh = import_scene(folder / "move.fbx").scene.meshes.at(0);
+  EXPECT_NEAR(glm::length(area(mesh)), 0.5, 1e-5);
+}
+
+}  // namespace
+}  // namespace icbench
