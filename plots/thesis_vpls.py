@@ -55,7 +55,7 @@ def build(measured: Measured) -> Built:
         panels.append(Panel(measured.scenes[name]["title"], partial(_draw, part, vpls["chosen"]), how))
     return Built(table, [
         Plate("all", "Visible error of IGI over the number of VPLs", panels, _handles, "number of VPLs",
-              "pixels seen to differ, %",
+              "visible error, %",
               footnote="Last frame. Lines: medians over sets of VPLs; bars: their range.", columns=(4, 2),
               heights=(1.2, 0.95))
     ])

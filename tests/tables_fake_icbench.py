@@ -50,10 +50,11 @@ def error_of(o):
     """Of a method's picture: IGI's falls with the number of VPLs, a cache adds 0.02 times its accuracy."""
     if o["integrator"] == "path":
         return 0.001 * (1 if int(o["seed"]) % 2 else -1)
+    noise = 0.05 if o["spp"] == "1" else 0.0  # of direct light
     if o["integrator"] == "whitted":
-        return 0.5
+        return 0.5 + noise
     cached = 0.02 * float(o["accuracy"]) if "accuracy" in o else 0.0
-    return 0.32 / int(o.get("vpls", 64)) + cached
+    return noise + 0.32 / int(o.get("vpls", 64)) + cached
 
 
 def cost(o, frame):

@@ -218,9 +218,9 @@ class Planner:
                 job = self.render(scene, "igi", f"IGI, {count} VPLs, seed {seed}", last, vpls=count,
                                   seed=seed)
                 plan.sweep[count, seed] = job
-                plan.sweep_errors[count,
-                                  seed] = self._pictures(scene, f"error of IGI, {count} VPLs, seed {seed}",
-                                                         reference, job)
+                clean = self._clean(plan, f"IGI, {count} VPLs, seed {seed}", job, noisy, last)
+                error = self._pictures(scene, f"error of IGI, {count} VPLs, seed {seed}", reference, clean)
+                plan.sweep_errors[count, seed] = error
         return plan
 
     def finish(self, plan: Plan, vpls: int) -> Plan:
