@@ -289,7 +289,8 @@ def work(settings: Settings) -> int:
         os.close(lock)
     for failure in run.failures:
         say(f"failed, {failure['scene']}, {failure['job']}: {failure['error']}")
-    say(f"{len(run.done)} scenes in {clock(time.monotonic() - start)}")
+    count = len(run.done)
+    say(f"{count} scene{'' if count == 1 else 's'} in {clock(time.monotonic() - start)}")
     print(path)
     return 1 if run.failures else 0
 
