@@ -104,7 +104,7 @@ class Film {
                      [&](unsigned t, Tracer& tracer, std::size_t i) { f(t, tracer, tiles_[i]); });
     };
     for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
-      visible_tile(tracer, pass->light(), view, Lens::centre, key, tile, primary, direct);
+      visible_tile(tracer, pass->light(), view, Lens::centre, key, 1, tile, primary, direct);
     });
     pass->begin_sample(primary, key);
     for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {
