@@ -4,8 +4,8 @@
 // have moved meanwhile; it promises the very bits of a fresh start. Embree's packets do not keep that promise: where a
 // ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in other
 // company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of rays in
-// the plane of a face otherwise than rtcOccluded1, full packets of 8 one of 10^7 rays through vertices, any packet
-// through instances 3 % of rays in the plane of a face; of 10^7 rays between random surface points none.
+// the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any packet
+// through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
 // Two things make an answer exact, a function of the ray and of what it meets alone:
 // - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each moving
@@ -15,7 +15,7 @@
 //   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
 //
 // Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1 1,
-// exact 1.27, fast 1.55, full packets of 16 1.57. A box test per ray and moving shape besides.
+// exact 1.3, fast 1.55, full packets of 16 1.55. A box test per ray and moving shape besides.
 #pragma once
 
 #include <cstdint>
