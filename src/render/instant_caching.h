@@ -21,8 +21,9 @@
 
 namespace icbench {
 
-/// Compensation rays of a record.
-inline constexpr std::uint32_t kRecordCompensation = 64;
+/// Compensation rays of a record, and how many of the surfaces they meet are followed: fewer than at a pixel
+/// (kPixelCompensation), which takes the mean of several records.
+inline constexpr std::uint32_t kRecordCompensation = 16, kRecordCompensationPaths = 2;
 
 /// The point at which a record is made, as it is evaluated: with normals that 32 bits can hold.
 Hit record_point(const glm::vec3& p, PackedNormal n, PackedNormal ng) noexcept;
@@ -35,7 +36,8 @@ std::uint64_t compensation_key(const glm::vec3& p) noexcept;
 
 inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp,
                                       Packing packing = Packing::exact) noexcept {
-  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing);
+  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing,
+                    kRecordCompensationPaths);
 }
 
 /// Traces paths of a set anew, by a crew.

@@ -223,7 +223,7 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
 
 Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing) noexcept {
+                        Packing packing, std::uint32_t paths) noexcept {
   constexpr std::uint32_t kWave = 64;
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(hit.p, hit.ng);
@@ -232,6 +232,7 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
   Pcg32 shifts(key);
   const float elevation_shift = shifts.uniform();
   const std::uint32_t azimuth_shift = shifts();
+  const float u = shifts.uniform();
   Compensation out;
   for (std::uint32_t first = 0; first < count; first += kWave) {
     Ray asked[kWave];
@@ -252,16 +253,41 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
       tracer.intersect({asked, n}, {met, n});
     else
       for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
+
+    // What of the light of each surface the clamp took.
+    float taken[kWave], all = 0.0f;
+    std::uint32_t some = 0;
     for (std::uint32_t k = 0; k < n; ++k) {
+      taken[k] = 0.0f;
       if (!reflects(rays, met[k])) continue;
       const glm::vec3 d = met[k].p - hit.p;
       const float d2 = glm::dot(d, d);
       const float G = glm::dot(d, hit.n) * -glm::dot(d, met[k].ng) / (d2 * d2);
       if (!(G > clamp)) continue;
-      ++out.met;
+      taken[k] = 1.0f - clamp / G;
+      all += taken[k];
+      ++some;
+    }
+    out.met += some;
+    const auto light = [&](std::uint32_t k) {
       Pcg32 random(hash_keys(key, index[k] + 1));
-      out.E += (1.0f - clamp / G) / static_cast<float>(count) * rays.albedo(met[k]) *
-               sample_irradiance(tracer, met[k], Light::all, random);
+      return rays.albedo(met[k]) * sample_irradiance(tracer, met[k], Light::all, random);
+    };
+    const float share = 1.0f / static_cast<float>(count);
+    if (some <= paths) {
+      for (std::uint32_t k = 0; k < n; ++k)
+        if (taken[k] > 0.0f) out.E += share * taken[k] * light(k);
+      continue;
+    }
+    // Too many to follow: draws from them, by what was taken, at even steps through the sum of it all.
+    const float step = all / static_cast<float>(paths);
+    float at = u * step, sum = 0.0f;
+    std::uint32_t drawn = 0;
+    for (std::uint32_t k = 0; k < n && drawn < paths; ++k) {
+      sum += taken[k];
+      std::uint32_t times = 0;
+      for (; drawn < paths && at < sum; at += step, ++drawn) ++times;
+      if (times > 0) out.E += share * step * static_cast<float>(times) * light(k);
     }
   }
   return out;

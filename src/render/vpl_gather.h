@@ -63,9 +63,10 @@ struct Compensation {
 float compensation_reach(float clamp) noexcept;
 
 /// Adds back what the clamp takes at a point, from `count` rays; light that arrives at the surfaces met is estimated by
-/// one path each. Random numbers depend on the key alone. 0 rays: 0.
+/// one path each; where more than `paths` are met, so many of them are drawn, by what the clamp took of each. Random
+/// numbers depend on the key alone. 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too.
 Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing = Packing::exact) noexcept;
+                        Packing packing = Packing::exact, std::uint32_t paths = ~0u) noexcept;
 
 }  // namespace icbench
