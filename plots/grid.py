@@ -9,7 +9,7 @@ from tables import text
 @dataclass(frozen=True)
 class Cell:
     value: str
-    under: str = ""    # smaller, on a line of its own: an interval, the thesis's figure
+    under: str = ""  # smaller, on a line of its own: an interval, the thesis's figure
     verdict: str = ""  # good, bad or open: how the cell is coloured
 
 
@@ -20,8 +20,9 @@ class Grid:
     note: str
     columns: list[str]
     rows: list[list[Cell]] = field(default_factory=list)
-    left: int = 1      # columns of words; the others hold numbers
-    groups: list[tuple[str, int]] = field(default_factory=list)  # headings over columns, and how many each spans
+    left: int = 1  # columns of words; the others hold numbers
+    groups: list[tuple[str,
+                       int]] = field(default_factory=list)  # headings over columns, and how many each spans
 
     def html(self) -> str:
         kinds = ["" if i < self.left else "n" for i in range(len(self.columns))]
@@ -30,17 +31,24 @@ class Grid:
                        for title, span in self.groups)
         head = "".join(f'<th class="{kind}">{text(title)}</th>' for kind, title in zip(kinds, self.columns))
         body = "".join(f"<tr>{''.join(map(_html_cell, kinds, row))}</tr>" for row in self.rows)
-        return (f'<h3 id="{self.name}">{text(self.title)}</h3>' + (f'<p class="note">{text(self.note)}</p>' if self.note else "")
-                + f'<div class="scroll"><table><thead>{f"<tr>{over}</tr>" if over else ""}<tr>{head}</tr></thead>'
-                f"<tbody>{body}</tbody></table></div>")
+        return (
+            f'<h3 id="{self.name}">{text(self.title)}</h3>' +
+            (f'<p class="note">{text(self.note)}</p>' if self.note else "") +
+            f'<div class="scroll"><table><thead>{f"<tr>{over}</tr>" if over else ""}<tr>{head}</tr></thead>'
+            f"<tbody>{body}</tbody></table></div>")
 
     def markdown(self) -> str:
         titles = self.columns
         if self.groups:
             over = [title for title, span in self.groups for _ in range(span)]
-            titles = [f"{group}: {title}" if group and title else group or title for group, title in zip(over, titles)]
-        lines = [titles, ["---" if i < self.left else "---:" for i in range(len(self.columns))],
-                 *([_markdown_cell(cell) for cell in row] for row in self.rows)]
+            titles = [
+                f"{group}: {title}" if group and title else group or title
+                for group, title in zip(over, titles)
+            ]
+        lines = [
+            titles, ["---" if i < self.left else "---:" for i in range(len(self.columns))],
+            *([_markdown_cell(cell) for cell in row] for row in self.rows)
+        ]
         table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
         return f"### {self.title}\n\n" + (f"{self.note}\n\n" if self.note else "") + table + "\n"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tables import text
 
-kPixelsPerPoint = 1.72   # a figure of full width fills the page on a laptop
+kPixelsPerPoint = 1.72  # a figure of full width fills the page on a laptop
 
 
 def data_uri(kind: str, data: bytes) -> str:

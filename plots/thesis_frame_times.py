@@ -16,7 +16,9 @@ kShown = ("igi", "interleaved", "ic", "tic")
 def _draw(measured: Measured, part: pd.DataFrame, axes, layout) -> None:
     for method, line in part.groupby("method", sort=False):
         options = method_line(measured, method, layout) | {"markersize": layout.marker * 0.8}
-        axes.plot(line["frame"] + 1, line["seconds_indirect"], markevery=max(1, len(line) // 8), zorder=3, **options)
+        axes.plot(line["frame"] + 1, line["seconds_indirect"], markevery=max(1,
+                                                                             len(line) // 8), zorder=3,
+                  **options)
     style.log_axis(axes.yaxis, part["seconds_indirect"])
 
 
@@ -27,19 +29,23 @@ def build(measured: Measured) -> Built:
     if not rows:
         raise Omitted("no animation was timed")
     table = pd.DataFrame(rows)
-    panels = [Panel(measured.scenes[name]["title"], partial(_draw, measured, part),
-                    f"{measured.scenes[name]['vpls']['chosen']} VPLs")
-              for name, part in table.groupby("scene", sort=False)]
-    return Built(table, [Plate("all", "Indirect light, frame by frame", panels,
-                               lambda layout: method_handles(measured, kShown, layout), "frame", "seconds",
-                               footnote="Medians over rounds.")])
+    panels = [
+        Panel(measured.scenes[name]["title"], partial(_draw, measured, part),
+              f"{measured.scenes[name]['vpls']['chosen']} VPLs")
+        for name, part in table.groupby("scene", sort=False)
+    ]
+    return Built(table, [
+        Plate("all", "Indirect light, frame by frame", panels,
+              lambda layout: method_handles(measured, kShown, layout), "frame", "seconds",
+              footnote="Medians over rounds.")
+    ])
 
 
 FIGURE = Figure(
     "thesis_frame_times", "Indirect light, frame by frame",
-    "Seconds that each method takes for the indirect light of every frame. TIC computes everything in the first frame and "
-    "after that only what motion made invalid; the other methods begin anew in every frame.",
-    build)
+    "Seconds that each method takes for the indirect light of every frame. TIC computes everything in the "
+    "first frame and "
+    "after that only what motion made invalid; the other methods begin anew in every frame.", build)
 
 if __name__ == "__main__":
     sys.exit(main(FIGURE, load, kFiles))

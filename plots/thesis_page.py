@@ -25,19 +25,33 @@ from thesis_results import kFiles, Measured, load
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kPicturePixels = 288  # largest side of a picture on the page
 kPictures = (("rt", "RT: direct light only"), ("igi", "IGI"), ("tic", "TIC"), ("path", "path tracing"),
-             ("hdrvdp_tic_path_clean", "TIC against path tracing, indirect light"), ("hdrvdp_tic_igi", "TIC against IGI"))
-kMethods = (
-    ("RT", "Whitted ray tracing: direct light only. The floor for time, and how dark it is without indirect light."),
-    ("Path tracing", "The reference: unbiased, slow."),
-    ("IGI", "Instant global illumination: every pixel gathers light from all virtual point lights (VPLs), each by a shadow ray."),
-    ("IGI interleaved", "Each pixel gathers from a subset of the VPLs, and a filter that keeps edges joins neighbours: the fair rival."),
-    ("IC", "Instant caching: VPLs are gathered only at sparse records, between which an irradiance cache interpolates. The cache "
-           "is cleared after each frame."),
-    ("TIC", "Temporal instant caching: VPLs and records live on; after motion only what became invalid is computed again."))
-kLead = ("Dubla (Interactive Global Illumination on the CPU, Warwick 2012) made animations with indirect light interactive by "
-         "keeping virtual point lights and irradiance records over frames, and let all threads share one cache without locks. "
-         "These are that thesis's experiments, made again in kind. The scenes are stand-ins modelled after the originals' "
-         "descriptions, the machine is another one, and seconds do not carry over: ratios do.")
+             ("hdrvdp_tic_path_clean", "TIC against path tracing, indirect light"), ("hdrvdp_tic_igi",
+                                                                                     "TIC against IGI"))
+kMethods = ((
+    "RT",
+    "Whitted ray tracing: direct light only. The floor for time, and how dark it is without indirect light."
+), ("Path tracing", "The reference: unbiased, slow."), (
+    "IGI",
+    "Instant global illumination: every pixel gathers light from all virtual point lights (VPLs), each by a "
+    "shadow ray."
+), (
+    "IGI interleaved",
+    "Each pixel gathers from a subset of the VPLs, and a filter that keeps edges joins neighbours: the fair "
+    "rival."
+), (
+    "IC",
+    "Instant caching: VPLs are gathered only at sparse records, between which an irradiance cache "
+    "interpolates. The cache is cleared after each frame."
+), ("TIC",
+    "Temporal instant caching: VPLs and records live on; after motion only what became invalid is computed "
+    "again."
+    ))
+kLead = (
+    "Dubla (Interactive Global Illumination on the CPU, Warwick 2012) made animations with indirect light "
+    "interactive by keeping virtual point lights and irradiance records over frames, and let all threads "
+    "share one cache without locks. These are that thesis's experiments, made again in kind. The scenes "
+    "are stand-ins modelled after the originals' descriptions, the machine is another one, and seconds do "
+    "not carry over: ratios do.")
 
 
 def _thumbnail(path: Path) -> str | None:
@@ -67,14 +81,18 @@ def _gallery(measured: Measured) -> str:
         preview = paths.get("animation_tic")
         link = f' · <a href="{text(preview)}">animation by TIC</a>' if preview else ""
         what = f"{scene['kind']}, {scene['vpls']['chosen']} VPLs"
-        made.append(f'<div class="keep"><h3>{text(scene["title"])}</h3><p class="note">{text(scene["description"])} · {what}{link}'
-                    f'</p><div class="pictures small">{"".join(tiles)}</div></div>')
+        made.append(
+            f'<div class="keep"><h3>{text(scene["title"])}</h3>'
+            f'<p class="note">{text(scene["description"])} · {what}{link}'
+            f'</p><div class="pictures small">{"".join(tiles)}</div></div>')
     if not made:
         return ""
-    return ('<p class="note">The last frame (stills: the only one), one sample a pixel, all of a scene under one exposure. Maps: '
-            "grey where a human would see no difference (HDR-VDP), turning to green at a probability of 75 % and to red at 95 %; the "
-            "one against path tracing with converged direct light, so that it shows the indirect light's error alone."
-            f"</p>{''.join(made)}")
+    return (
+        '<p class="note">The last frame (stills: the only one), one sample a pixel, all of a scene under one '
+        "exposure. Maps: "
+        "grey where a human would see no difference (HDR-VDP), turning to green at a probability of 75 % "
+        "and to red at 95 %; the one against path tracing with converged direct light, so that it shows "
+        f"the indirect light's error alone.</p>{''.join(made)}")
 
 
 def _cards(measured: Measured) -> str:
@@ -82,8 +100,9 @@ def _cards(measured: Measured) -> str:
     cards = []
 
     def card(title: str, value: str, told: str) -> None:
-        cards.append(f'<div class="card"><div class="what">{text(title)}</div><div class="value">{text(value)}</div>'
-                     f"<div>{text(told)}</div></div>")
+        cards.append(
+            f'<div class="card"><div class="what">{text(title)}</div><div class="value">{text(value)}</div>'
+            f"<div>{text(told)}</div></div>")
 
     def span(values) -> str:
         values = list(values)
@@ -92,32 +111,46 @@ def _cards(measured: Measured) -> str:
 
     animations, thesis = measured.animations.values(), measured.data["thesis"]
     times = thesis["indirect_times"].values()
-    for key, method, title, theirs in (
-            ("indirect_over_tic", "igi", "Indirect light, TIC over full IGI", f"thesis: {span(t['igi_over_tic'] for t in times)}"),
-            ("indirect_over_tic", "interleaved", "Indirect light, TIC over interleaved IGI", "not in the thesis"),
-            ("indirect_over_tic", "ic", "Indirect light, TIC over static IC", f"thesis: {span(t['ic_over_tic'] for t in times)}"),
-            ("whole_over_tic", "igi", "Whole frames, TIC over full IGI", f"thesis: {span(thesis['whole_frames'])}")):
+    for key, method, title, theirs in (("indirect_over_tic", "igi", "Indirect light, TIC over full IGI",
+                                        f"thesis: {span(t['igi_over_tic'] for t in times)}"),
+                                       ("indirect_over_tic", "interleaved",
+                                        "Indirect light, TIC over interleaved IGI", "not in the thesis"),
+                                       ("indirect_over_tic", "ic", "Indirect light, TIC over static IC",
+                                        f"thesis: {span(t['ic_over_tic'] for t in times)}"),
+                                       ("whole_over_tic", "igi", "Whole frames, TIC over full IGI",
+                                        f"thesis: {span(thesis['whole_frames'])}")):
         values = [s["time"][key][method]["median"] for s in animations if s["time"][key][method]]
         if values:
             card(title, span(values), f"faster, over {style.plural(len(values), 'animation')}; {theirs}.")
     seen = [(s["quality"].get("tic_igi") or {}).get("p75") for s in measured.scenes.values()]
     seen = [v for v in seen if v is not None]
     if seen:
-        card("Visible loss of TIC against IGI", f"{max(seen):.2f} %", "of pixels at most, P > 75 %; thesis: 0.33 %.")
+        card("Visible loss of TIC against IGI", f"{max(seen):.2f} %",
+             "of pixels at most, P > 75 %; thesis: 0.33 %.")
     verdicts = [t["verdict"] for t in measured.data["targets"]]
     if verdicts:
-        parts = ", ".join(f"{verdicts.count(v)} {v}" for v in ("fail", "undecided", "skipped") if v in verdicts)
-        card("Figures to reach", f"{verdicts.count('pass')} of {len(verdicts)}", f"pass{'; ' + parts if parts else ''}.")
+        parts = ", ".join(f"{verdicts.count(v)} {v}" for v in ("fail", "undecided", "skipped")
+                          if v in verdicts)
+        card("Figures to reach", f"{verdicts.count('pass')} of {len(verdicts)}",
+             f"pass{'; ' + parts if parts else ''}.")
     return f'<div class="cards">{"".join(cards)}</div>' if cards else ""
 
 
 def _facts(measured: Measured) -> str:
     d, s = measured.data, measured.data["settings"]
     size = f"{s['size'][0]} × {s['size'][1]} pixels"
-    what = (f"{style.plural(len(measured.scenes), 'scene')}, {size}, {s['frames']} frames, 1 sample a pixel; references of "
-            f"{s['reference_spp']:,} samples; {style.plural(s['rounds'], 'round')} in which the methods alternate")
-    where = f"{d['machine']['cpu']}, {style.plural(d['machine']['units'], 'processing unit')}; {d['build']}; {d['machine']['date'][:16]}"
-    return (f'<div class="facts"><div><b>What was measured</b>{text(what)}</div><div><b>On what</b>{text(where)}</div></div>')
+    what = (
+        f"{style.plural(len(measured.scenes), 'scene')}, {size}, {s['frames']} frames, 1 sample a pixel; "
+        f"references of {s['reference_spp']:,} samples; {style.plural(s['rounds'], 'round')} in which the "
+        "methods alternate"
+    )
+    machine = d["machine"]
+    where = (f"{machine['cpu']}, {style.plural(machine['units'], 'processing unit')}; {d['build']}; "
+             f"{machine['date'][:16]}")
+    return (
+        f'<div class="facts"><div><b>What was measured</b>{text(what)}</div>'
+        f'<div><b>On what</b>{text(where)}</div></div>'
+    )
 
 
 def _warnings(measured: Measured) -> list[tuple[bool, str]]:
@@ -130,20 +163,28 @@ def _warnings(measured: Measured) -> list[tuple[bool, str]]:
     if d["absent"]:
         out.append((True, f"Not in this program: {', '.join(d['absent'])}."))
     if d["mode"] == "quick":
-        out.append((False, "A quick run: small pictures, few frames and samples. TIC has few frames over which to spread its "
-                           "first one, and HDR-VDP sees coarse pixels; ratios differ from those of the long form."))
+        out.append((
+            False,
+            "A quick run: small pictures, few frames and samples. TIC has few frames over which to spread "
+            "its first one, and HDR-VDP sees coarse pixels; ratios differ from those of the long form."))
     few = d["settings"]["rounds"]
     if few < 6:
         out.append((False, f"{style.plural(few, 'round')}: " + (
             "no intervals can be given." if few < 3 else
-            f"an interval is the range of the rounds, which holds the median with {100 * (1 - 2.0 ** (1 - few)):.0f} %.")))
-    off = [s["title"] for s in measured.scenes.values() if s["vpls"]["chosen"] and not s["vpls"]["levelled_off"]]
+            "an interval is the range of the rounds, which holds the median with "
+            f"{100 * (1 - 2.0 ** (1 - few)):.0f} %."
+        )))
+    off = [
+        s["title"] for s in measured.scenes.values() if s["vpls"]["chosen"] and not s["vpls"]["levelled_off"]
+    ]
     if off:
         out.append((False, f"IGI had not levelled off below the largest number of VPLs on {', '.join(off)}."))
     load_ = d["machine"]["load_avg"][0]
     if load_ > d["machine"]["units"] + 1.5:
-        out.append((True, f"The load was {load_:.1f} when the run ended: other programs were running, and times are not to be "
-                          "trusted."))
+        out.append((
+            True,
+            f"The load was {load_:.1f} when the run ended: other programs were running, and times are not "
+            "to be trusted."))
     return sorted(out, key=lambda warning: not warning[0])
 
 
@@ -153,25 +194,27 @@ def grids(measured: Measured) -> list[tuple[str, list[Grid]]]:
     chapter7 = [t.mechanisms(measured, what, heading) for what, heading in kWhats.items()]
     parts = [("Number of VPLs", [t.vpl_numbers(measured)]),
              ("Speed", [t.whole_frames(measured), t.indirect_time(measured)]),
-             ("Quality", [t.perceived(measured), t.numeric_errors(measured), t.over_frames(measured)]),
-             ("Equal error", [t.equal_error(measured)]),
-             ("Mechanisms", chapter7),
-             ("Memory and work", [t.memory(measured)]),
-             ("Figures to reach", [t.targets(measured)]),
-             ("Claims", [t.claims(measured)])]
+             ("Quality", [t.perceived(measured),
+                          t.numeric_errors(measured),
+                          t.over_frames(measured)]), ("Equal error", [t.equal_error(measured)]),
+             ("Mechanisms", chapter7), ("Memory and work", [t.memory(measured)]),
+             ("Figures to reach", [t.targets(measured)]), ("Claims", [t.claims(measured)])]
     return [(title, [g for g in mine if g.rows]) for title, mine in parts if any(g.rows for g in mine)]
 
 
-kFigureOf = {"Number of VPLs": "thesis_vpls", "Speed": "thesis_frame_times", "Equal error": "thesis_equal_error",
-             "Mechanisms": "thesis_mechanisms"}
+kFigureOf = {
+    "Number of VPLs": "thesis_vpls", "Speed": "thesis_frame_times", "Equal error": "thesis_equal_error",
+    "Mechanisms": "thesis_mechanisms"
+}
 
 
 def _figure(done: Written | None) -> str:
     if done is None:
         return ""
     plates = "".join(drawing(path, f"{done.figure.title}, {title}") for title, path in done.plates)
-    return (f'<div class="read"><b>{text(done.figure.title)}.</b> {text(done.figure.how_to_read)}</div>{plates}'
-            f'{"".join(map(note_line, done.notes))}')
+    return (
+        f'<div class="read"><b>{text(done.figure.title)}.</b> {text(done.figure.how_to_read)}</div>{plates}'
+        f'{"".join(map(note_line, done.notes))}')
 
 
 def _draw(measured: Measured, out: Path) -> dict[str, Written]:
@@ -186,29 +229,39 @@ def _draw(measured: Measured, out: Path) -> dict[str, Written]:
 
 def _html(measured: Measured, out: Path, command: str) -> str:
     drawn = _draw(measured, out)
-    sections = [("Before you believe a number", "".join(
-        f'<li class="{"grave" if grave else ""}">{text(line)}</li>' for grave, line in _warnings(measured)))]
-    sections[0] = (sections[0][0], f'<ul class="warnings">{sections[0][1]}</ul>') if sections[0][1] else ("", "")
+    sections = [("Before you believe a number",
+                 "".join(f'<li class="{"grave" if grave else ""}">{text(line)}</li>'
+                         for grave, line in _warnings(measured)))]
+    sections[0] = (sections[0][0], f'<ul class="warnings">{sections[0][1]}</ul>') if sections[0][1] else ("",
+                                                                                                          "")
     sections.append(("Scenes", _gallery(measured)))
     for title, mine in grids(measured):
-        sections.append((title, "".join(g.html() for g in mine) + _figure(drawn.get(kFigureOf.get(title, "")))))
+        sections.append(
+            (title, "".join(g.html() for g in mine) + _figure(drawn.get(kFigureOf.get(title, "")))))
     lines = "".join(f'<tr><td>{text(k.replace("_", " "))}</td><td class="raw">{text(v)}</td></tr>'
                     for k, v in {**measured.data["settings"], **measured.data["machine"]}.items())
-    sections.append(("How it was made", f'<p>Measured with</p><pre>{text(measured.data["command_line"])}</pre><p>The page was made '
-                     f"with</p><pre>{text(command)}</pre><table><tbody>{lines}</tbody></table>"))
+    sections.append(
+        ("How it was made",
+         f'<p>Measured with</p><pre>{text(measured.data["command_line"])}</pre><p>The page was made '
+         f"with</p><pre>{text(command)}</pre><table><tbody>{lines}</tbody></table>"))
     sections = [(title, content) for title, content in sections if content]
     slugs = {title: title.lower().replace(" ", "-") for title, _ in sections}
     nav = "".join(f'<a href="#{slugs[title]}">{text(title)}</a>' for title, _ in sections)
     names = "".join(f"<tr><td><b>{text(name)}</b></td><td>{text(told)}</td></tr>" for name, told in kMethods)
-    body = (f'<h1>{text(measured.data["title"])}</h1><p class="lead">{text(kLead)}</p><nav>{nav}</nav>{_facts(measured)}'
-            f'{_cards(measured)}<h3>The methods</h3><table><tbody>{names}</tbody></table>')
-    return body + "".join(f'<h2 class="flow" id="{slugs[title]}">{text(title)}</h2>{content}' for title, content in sections)
+    body = (
+        f'<h1>{text(measured.data["title"])}</h1><p class="lead">{text(kLead)}</p><nav>{nav}</nav>'
+        f'{_facts(measured)}'
+        f'{_cards(measured)}<h3>The methods</h3><table><tbody>{names}</tbody></table>')
+    return body + "".join(f'<h2 class="flow" id="{slugs[title]}">{text(title)}</h2>{content}'
+                          for title, content in sections)
 
 
 def _markdown(measured: Measured) -> str:
     d = measured.data
-    parts = [f"# {d['title']}\n\n{kLead}\n", f"`{d['command_line']}`; {d['build']}; {d['machine']['cpu']}, "
-             f"{d['machine']['units']} processing units; {d['machine']['date']}\n"]
+    parts = [
+        f"# {d['title']}\n\n{kLead}\n", f"`{d['command_line']}`; {d['build']}; {d['machine']['cpu']}, "
+        f"{d['machine']['units']} processing units; {d['machine']['date']}\n"
+    ]
     warnings = _warnings(measured)
     if warnings:
         parts.append("\n".join(f"- {line}" for _, line in warnings) + "\n")
@@ -218,21 +271,24 @@ def _markdown(measured: Measured) -> str:
 
 
 def build(path: Path, out: Path, command: str) -> Path:
-    """Writes out/tables.html, out/tables.md and out/figures; returns the page. Raises InputError or OSError."""
+    """Writes out/tables.html, out/tables.md and out/figures; returns the page. Raises InputError or OSError.
+    """
     measured = load([path])[0]
     out.mkdir(parents=True, exist_ok=True)
     (out / "tables.md").write_text(_markdown(measured), encoding="utf-8")
     page = out / "tables.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(template.substitute(title=text("icbench: the thesis's tables"), body=_html(measured, out, command)),
-                    encoding="utf-8")
+    page.write_text(
+        template.substitute(title=text("icbench: the thesis's tables"), body=_html(measured, out, command)),
+        encoding="utf-8")
     return page
 
 
 def main() -> int:
     options = OneLineParser(description=__doc__)
     options.add_argument("results", metavar="TABLES", type=Path, help=kFiles)
-    options.add_argument("--out", type=Path, metavar="DIR", help="where the files go (default: beside TABLES)")
+    options.add_argument("--out", type=Path, metavar="DIR",
+                         help="where the files go (default: beside TABLES)")
     arguments = options.parse_args()
     try:
         print(build(arguments.results, arguments.out or arguments.results.parent, shlex.join(sys.argv)))

@@ -15,8 +15,10 @@ kSchema = 1
 kFiles = "tables.json of bench/tables"
 kTimed = ("rt", "igi", "interleaved", "ic", "tic")
 kMechanisms = {"lck": "global_mutex", "lw": "local_write", "wf": "wait_free"}
-kColours = {"rt": style.kGrey, "igi": style.kVermilion, "interleaved": style.kOrange, "ic": style.kGreen,
-            "tic": style.kBlue, "path": style.kBlack}
+kColours = {
+    "rt": style.kGrey, "igi": style.kVermilion, "interleaved": style.kOrange, "ic": style.kGreen,
+    "tic": style.kBlue, "path": style.kBlack
+}
 kMarkers = {"rt": "x", "igi": "s", "interleaved": "D", "ic": "^", "tic": "o", "path": "p"}
 
 
@@ -53,15 +55,16 @@ def load(paths) -> list[Measured]:
         if not isinstance(data, dict) or not isinstance(data.get("scenes"), dict) or "claims" not in data:
             raise InputError(f"{path}: no \"scenes\" and \"claims\"; {kFiles} is expected")
         if data.get("schema") != kSchema:
-            raise InputError(f"{path}: schema {data.get('schema')}, and {kSchema} is expected; run bench/tables --resume")
+            raise InputError(
+                f"{path}: schema {data.get('schema')}, and {kSchema} is expected; run bench/tables --resume")
         made.append(Measured(path.stem, f"{path.stem}-{len(made)}", path, data))
     return made
 
 
 def method_line(measured: Measured, method: str, layout: style.Layout) -> dict:
     """Options for plot that draw a method."""
-    return dict(color=kColours[method], marker=kMarkers[method], markersize=layout.marker, linewidth=layout.line,
-                label=measured.title(method))
+    return dict(color=kColours[method], marker=kMarkers[method], markersize=layout.marker,
+                linewidth=layout.line, label=measured.title(method))
 
 
 def method_handles(measured: Measured, methods, layout: style.Layout) -> list:

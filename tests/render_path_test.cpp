@@ -12,7 +12,9 @@
 #include <utility>
 #include <vector>
 
+#include "render/gather.h"
 #include "render/integrators.h"
+#include "render/irradiance_cache.h"
 #include "render/path.h"
 #include "render_support.h"
 #include "scene/registry.h"
@@ -82,6 +84,42 @@ TEST(RenderPath, DirectLightOfASquareIsLamberts) {
     EXPECT_LT(direct.error(), 0.005 * E);
     EXPECT_EQ(indirect.mean(), 0.0) << "the light reflects nothing";
   }
+}
+
+// The furnace with a grey texture of value 188 on its white walls, or with walls of that grey.
+Scene grey_furnace(bool textured) {
+  Scene s = make_scene("white_furnace");
+  Texture grey{"grey", 1, 1, {188, 188, 188}};
+  const float albedo = grey({0.5f, 0.5f}).x;
+  if (!textured) {
+    s.materials[0].albedo = glm::vec3(albedo);
+    return s;
+  }
+  s.materials[0].albedo = glm::vec3(1.0f);
+  s.materials[0].texture = 0;
+  s.textures.push_back(std::move(grey));
+  for (Mesh& mesh : s.meshes) mesh.uvs.assign(mesh.positions.size(), glm::vec2(0.3f));
+  return s;
+}
+
+TEST(RenderPath, ATextureOfOneColourIsThatAlbedo) {
+  Image images[2][2];
+  double gathered[2];
+  for (const bool textured : {false, true}) {
+    const RayTracer rays(grey_furnace(textured));
+    Tracer tracer(rays);
+    for (const bool whitted : {false, true})
+      images[textured][whitted] = picture(rays, find_integrator(whitted ? "whitted" : "path"), 12, 16, {});
+    const Hit x = primary_hits(rays, 3, 3).hits[4];
+    gathered[textured] = gather(tracer, x, Strata::for_rays(256), 1).E.x;
+    const glm::vec3 reflected = reflected_radiance(rays, x, Irradiance(1.0f));
+    EXPECT_NEAR(reflected.x, rays.albedo(x).x / kPi, 1e-6);
+    EXPECT_LT(rays.albedo(x).x, 0.6f) << "not the texture's";
+  }
+  EXPECT_NEAR(gathered[true], gathered[false], 1e-4 * gathered[false]);
+  for (const bool whitted : {false, true})
+    for (std::size_t i = 0; i < 144; ++i)
+      EXPECT_NEAR(images[true][whitted].pixels[i].x, images[false][whitted].pixels[i].x, 1e-4) << whitted;
 }
 
 TEST(RenderPath, PicturesDoNotDependOnThreadsOrTileOrder) {

@@ -159,8 +159,8 @@ inline std::string quarters_jpeg() {
   return bytes;
 }
 
-/// A room of 4 x 3 x 4 m, open to the camera, under a square lamp, with a textured picture; one cube spins for two
-/// seconds, another one of the same mesh circles it.
+/// A room of 4 x 3 x 4 m, open to the camera, under a square lamp, with a textured picture; one cube spins
+/// for two seconds, another one of the same mesh circles it.
 inline GltfFile spinning_cube() {
   GltfFile f;
   f.doc["extensionsUsed"] = {"KHR_lights_punctual", "KHR_materials_emissive_strength"};

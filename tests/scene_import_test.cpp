@@ -1,5 +1,5 @@
-// Scenes from files: what becomes of nodes, materials, lights, cameras and animations of glTF, of Radiance's surfaces
-// and materials, and of formats that assimp reads.
+// Scenes from files: what becomes of nodes, materials, lights, cameras and animations of glTF, of Radiance's
+// surfaces and materials, and of formats that assimp reads.
 #include <assimp/scene.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>

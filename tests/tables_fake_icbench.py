@@ -1,8 +1,9 @@
 #!/usr/bin/python3 -SE
 """A stand-in for icbench: answers at once with figures that follow from its arguments by formulas.
 
-A picture is one value everywhere: 1 plus the error of its method. FAKE_FAIL: a command line that holds this text
-fails. FAKE_KILL "N FILE": the Nth call (FILE counts them) kills its caller, with half of its files written.
+A picture is one value everywhere: 1 plus the error of its method. FAKE_FAIL: a command line that holds this
+text fails. FAKE_KILL "N FILE": the Nth call (FILE counts them) kills its caller, with half of its files
+written.
 """
 import json
 import os
@@ -12,8 +13,10 @@ import sys
 
 SCENES = ["cornell_box", "bunnies_1", "office"]
 # Seconds of indirect light for a frame: first, later ones.
-SECONDS = {"whitted": (0.0, 0.0), "path": (9.0, 9.0), "instant_gi": (4.0, 4.0), "instant_gi_interleaved": (2.0, 2.0),
-           "instant_caching": (0.8, 0.8), "temporal_instant_caching": (0.8, 0.1), "irradiance_cache": (0.5, 0.5)}
+SECONDS = {
+    "whitted": (0.0, 0.0), "path": (9.0, 9.0), "instant_gi": (4.0, 4.0), "instant_gi_interleaved": (2.0, 2.0),
+    "instant_caching": (0.8, 0.8), "temporal_instant_caching": (0.8, 0.1), "irradiance_cache": (0.5, 0.5)
+}
 OVERHEAD = 0.5  # of a whole frame
 
 
@@ -47,23 +50,27 @@ def error_of(o):
     """Of a method's picture: IGI's falls with the number of VPLs, a cache adds 0.02 times its accuracy."""
     if o["integrator"] == "path":
         return 0.001 * (1 if int(o["seed"]) % 2 else -1)
+    noise = 0.05 if o["spp"] == "1" else 0.0  # of direct light
     if o["integrator"] == "whitted":
-        return 0.5
+        return 0.5 + noise
     cached = 0.02 * float(o["accuracy"]) if "accuracy" in o else 0.0
-    return 0.32 / int(o.get("vpls", 64)) + cached
+    return noise + 0.32 / int(o.get("vpls", 64)) + cached
 
 
 def cost(o, frame):
     first, later = SECONDS[o["integrator"]]
     scale = int(o.get("vpls", 64)) / 64 / float(o.get("accuracy", 1))
     threads = int(o.get("threads", 1))
-    faster = {"global_mutex": threads ** 0.25}.get(o.get("cache"), threads)
+    faster = {"global_mutex": threads**0.25}.get(o.get("cache"), threads)
     indirect = (later if frame else first) * scale / faster
     records = 1000 * (threads if o.get("cache") == "local_write" else 1)
-    return {"seconds": OVERHEAD + indirect, "seconds_indirect": indirect, "rays": 1000, "shadow_rays": 500, "records": records,
-            "records_kept": 900, "records_updated": 60, "records_dropped": 40, "light_paths": 64, "light_paths_retraced": 4,
-            "bytes_beside_cache": records * (int(o.get("vpls", 64)) // 8 + 48),
-            "lock_wait_share": 0.25 if o.get("cache") == "global_mutex" and threads > 1 else 0.0}
+    return {
+        "seconds": OVERHEAD + indirect, "seconds_indirect": indirect, "rays": 1000, "shadow_rays": 500,
+        "records": records, "records_kept": 900, "records_updated": 60, "records_dropped": 40,
+        "light_paths": 64, "light_paths_retraced": 4,
+        "bytes_beside_cache": records * (int(o.get("vpls", 64)) // 8 + 48),
+        "lock_wait_share": 0.25 if o.get("cache") == "global_mutex" and threads > 1 else 0.0
+    }
 
 
 def options_of(arguments):
@@ -74,12 +81,14 @@ def compare(arguments):
     a, b = value_of(arguments[0]), value_of(arguments[1])
     assert len(a) == len(b) > 0
     o = options_of(arguments[2:])
-    rmse = (sum((x - y) ** 2 for x, y in zip(a, b)) / len(a)) ** 0.5
+    rmse = (sum((x - y)**2 for x, y in zip(a, b)) / len(a))**0.5
     if "map" in o:
         os.mkdir(o["map"])
         write(os.path.join(o["map"], "hdrvdp.png"), b"a map")
-    all_ = {"rmse": rmse, "relmse": rmse ** 2, "mean_ratio": 1 + b[0] - a[0], "flip": rmse / 2, "flicker": rmse / 10,
-            "hdrvdp": {"p75": 100 * rmse, "p95": 50 * rmse}}
+    all_ = {
+        "rmse": rmse, "relmse": rmse**2, "mean_ratio": 1 + b[0] - a[0], "flip": rmse / 2,
+        "flicker": rmse / 10, "hdrvdp": {"p75": 100 * rmse, "p95": 50 * rmse}
+    }
     names = o["metrics"].split(",") + (["flicker"] if os.path.isdir(arguments[0]) else [])
     return o["json"], {name: all_[name] for name in names}
 

@@ -39,7 +39,7 @@ class VplGatherOverBareRays : public Experiment {
     const bool bare_first = (count_++ & 1u) != 0;
     if (bare_first) trace_bare();
     gather = seconds([&] {
-      for (const Hit& hit : points_) sum_ += gather_vpls(tracer_, hit, vpls_.vpls(), clamp_);
+      for (const Hit& hit : points_) sum_ += gather_vpls(tracer_, hit, vpls_.vpls(), clamp_, Packing::fast);
     });
     if (!bare_first) trace_bare();
     return {bare / gather};

@@ -1,9 +1,9 @@
 """The arithmetic of the tables: medians with intervals, verdicts, levelling-off, times at equal error.
 
 An interval is a dict {median, low, high, n}. With six samples or more, low and high are the order statistics
-that hold the median with at least 95 % whatever the distribution; with three to five they are the smallest and
-the largest, which hold it with 75 to 94 %; with fewer they are None, and no verdict follows. A figure that was
-counted rather than timed is `exact`: its interval is a point.
+that hold the median with at least 95 % whatever the distribution; with three to five they are the smallest
+and the largest, which hold it with 75 to 94 %; with fewer they are None, and no verdict follows. A figure
+that was counted rather than timed is `exact`: its interval is a point.
 """
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def exact(value: float | None) -> dict | None:
 
 
 def ratios(numerators, denominators) -> dict | None:
-    """The interval of quotients paired by position (what was measured in one round); pairs with a hole or without a
-    positive denominator do not count.
+    """The interval of quotients paired by position (what was measured in one round); pairs with a hole or
+    without a positive denominator do not count.
     """
     return interval_of(a / b for a, b in zip(numerators, denominators)
                        if a is not None and b is not None and b > 0)
@@ -57,7 +57,9 @@ def inverse(interval: dict | None) -> dict | None:
 
 
 def decide(interval: dict | None, relation: str, target: float) -> str:
-    """pass or fail when the whole interval lies on one side of the target (touching it passes), else undecided."""
+    """pass or fail when the whole interval lies on one side of the target (touching it passes), else
+    undecided.
+    """
     if interval is None or interval["low"] is None:
         return "undecided"
     low, high = interval["low"], interval["high"]
@@ -80,11 +82,11 @@ kLevelPoints = 0.10  # or percentage points, whichever is more
 
 
 def level_off(curve: list[tuple[int, float]]) -> tuple[int, bool]:
-    """Where an error has levelled off: the smallest count such that it and every larger one measured lies within
-    max(kLevelShare of the largest count's error, kLevelPoints) above the largest count's error.
+    """Where an error has levelled off: the smallest count such that it and every larger one measured lies
+    within max(kLevelShare of the largest count's error, kLevelPoints) above the largest count's error.
 
-    The flag tells whether that is below the largest count: else levelling off was not seen. Raises ValueError on an
-    empty curve.
+    The flag tells whether that is below the largest count: else levelling off was not seen. Raises ValueError
+    on an empty curve.
     """
     if not curve:
         raise ValueError("a curve without points does not level off")
@@ -111,9 +113,9 @@ def front(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def seconds_at_error(points: list[tuple[float, float]], target: float) -> tuple[float, str] | None:
     """Seconds that a method needs for an error, and how sure that is: "is", "at_least" or "at_most".
 
-    Between the points of its front, log seconds are interpolated linearly over log error. Nothing is extrapolated: for
-    an error below all that was measured the slowest point is a lower bound, above all the fastest an upper one.
-    None without points of positive time and error.
+    Between the points of its front, log seconds are interpolated linearly over log error. Nothing is
+    extrapolated: for an error below all that was measured the slowest point is a lower bound, above all the
+    fastest an upper one. None without points of positive time and error.
     """
     best = front([(s, e) for s, e in points if s > 0 and e > 0])
     if not best or not target > 0:

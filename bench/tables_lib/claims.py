@@ -1,7 +1,8 @@
 """What the thesis claims, held against what was measured; and the figures that this project wants to reach.
 
-A claim is "seen" when the whole interval of every scene agrees with it, "not seen" when the whole interval of some
-scene contradicts it, else "undecided". Each part of a claim names its scene, the figure, and what would agree.
+A claim is "seen" when the whole interval of every scene agrees with it, "not seen" when the whole interval of
+some scene contradicts it, else "undecided". Each part of a claim names its scene, the figure, and what would
+agree.
 """
 from __future__ import annotations
 
@@ -79,7 +80,8 @@ def _moving_objects(scenes: dict) -> list[dict]:
     return [
         _claim(
             "static_methods", "IGI and static IC do not change with the number of moving objects.",
-            f"Their indirect time on Bunnies 9 is within a factor of {kUnchanged} of that on Bunnies 1. (The scenes also "
+            f"Their indirect time on Bunnies 9 is within a factor of {kUnchanged} of that on Bunnies 1. (The "
+            "scenes also "
             "differ in how much geometry they hold.)", parts),
         _claim("shrinking_advantage", "TIC's advantage shrinks towards IC's as more objects move.",
                "Its speed-up over static IC is smaller on Bunnies 9 than on Bunnies 1.", shrinks)
@@ -121,8 +123,10 @@ def _perception(scenes: dict) -> list[dict]:
 def _clean_remark(scenes: dict) -> str:
     clean = [_path(s, "quality", "tic_path_clean", "p75") for s in scenes.values()]
     clean = [value for value in clean if value is not None]
-    return ("This counts the noise of direct light and the aliasing that RT has too. With converged direct light it is at "
-            f"most {max(clean):.2f} %.") if clean else ""
+    return (
+        "This counts the noise of direct light and the aliasing that RT has too. With converged direct "
+        "light it is at "
+        f"most {max(clean):.2f} %.") if clean else ""
 
 
 def _minutes(scenes: dict) -> dict:
@@ -140,7 +144,8 @@ def _minutes(scenes: dict) -> dict:
         ]
     return _claim(
         "minutes", "Path tracing takes minutes where TIC is interactive.",
-        f"A path-traced frame of {kReferenceSamples:,} samples a pixel takes {kMinutes:g} s or more, and TIC makes "
+        f"A path-traced frame of {kReferenceSamples:,} samples a pixel takes {kMinutes:g} s or more, and TIC "
+        "makes "
         f"{kInteractive:g} frame a second or more, at the size of this run.", parts,
         "" if all(_path(s, "reference", "spp") == kReferenceSamples for s in scenes.values()) else
         "The references have fewer samples; their time is scaled in proportion.")
@@ -172,11 +177,13 @@ def _mechanisms(scenes: dict) -> list[dict]:
         _claim(
             "locks_do_not_scale",
             "A lock around the cache does not scale to many threads: accesses serialise and contend.",
-            f"At the largest thread count the lock's speed is at most {kScales} of the wait-free cache's. (The more a record "
+            f"At the largest thread count the lock's speed is at most {kScales} of the wait-free cache's. "
+            "(The more a record "
             "costs, and the fewer cores there are, the less a lock matters.)", locks),
         _claim(
             "local_copies_repeat", "Local copies repeat work that sharing saves.",
-            "At the largest thread count local-write makes at least 1 % more records than one thread needs, and more than "
+            "At the largest thread count local-write makes at least 1 % more records than one thread needs, "
+            "and more than "
             "the wait-free cache.", locals_)
     ]
 

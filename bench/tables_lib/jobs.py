@@ -1,8 +1,9 @@
 """Jobs of bench/tables: one run of the program each, cached on disk.
 
-A job has an identity: its command line, the build that ran it, and the identities of the jobs whose files it reads. It
-runs in a scratch folder, and the rename of that folder to its final name is what completes it: so a job that is there
-is whole, at whatever moment the run was killed. job.json in it holds the identity and what the program said.
+A job has an identity: its command line, the build that ran it, and the identities of the jobs whose files it
+reads. It runs in a scratch folder, and the rename of that folder to its final name is what completes it: so a
+job that is there is whole, at whatever moment the run was killed. job.json in it holds the identity and what
+the program said.
 
 Large files of a finished job (frames) may be dropped; they are made again if a later job needs them.
 """
@@ -55,7 +56,9 @@ class Job:
 
 
 class Store:
-    """The finished jobs of an output folder. `build` identifies the program; `fingerprints` the looks of scenes."""
+    """The finished jobs of an output folder. `build` identifies the program; `fingerprints` the looks of
+    scenes.
+    """
     def __init__(self, icbench: Path, folder: Path, references: Path, build: str):
         self.icbench, self.folder, self.references, self.build = icbench, folder, references, build
         self.fingerprints: dict[str, str] = {}
@@ -105,7 +108,9 @@ class Store:
         return shlex.join(program)
 
     def ensure(self, job: Job, files: bool = False) -> None:
-        """Runs the job unless it is finished; with `files`, also if files of it were dropped. Raises JobFailed."""
+        """Runs the job unless it is finished; with `files`, also if files of it were dropped. Raises
+        JobFailed.
+        """
         if self.record(job) is not None and (not files or self.has_files(job)):
             return
         for each in job.inputs:
@@ -167,7 +172,8 @@ class Store:
         return result
 
     def _commit(self, job: Job, scratch: Path, place: Path) -> None:
-        """Makes the scratch folder the job's. Of a job that ran again for its files, the first record stays."""
+        """Makes the scratch folder the job's. Of a job that ran again for its files, the first record stays.
+        """
         if self.record(job) is not None:
             for name in job.outputs:
                 remove(place / name)

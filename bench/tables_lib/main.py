@@ -69,7 +69,8 @@ class Run:
         for name in wanted:
             if name not in self.known and not Path(name).is_file():
                 raise BadUsage(
-                    f"--scenes: there is no scene and no file '{name}'; the scenes are {', '.join(self.known)}"
+                    f"--scenes: there is no scene and no file '{name}'; the scenes are "
+                    f"{', '.join(self.known)}"
                 )
         all_ = [*kAnimations, *kStills]
         return ([str(Path(n).resolve()) if n not in self.known else n for n in wanted]
@@ -77,7 +78,9 @@ class Run:
                 [] if wanted else [n for n in all_ if n not in self.known])
 
     def fingerprint(self, scene: str) -> str:
-        """How the scene looks to this program's path tracer: references of other looks are not used. Raises JobFailed."""
+        """How the scene looks to this program's path tracer: references of other looks are not used. Raises
+        JobFailed.
+        """
         with tempfile.TemporaryDirectory(prefix="icbench-tables-") as folder:
             command = [str(self.settings.icbench), "render", "--scene", scene, *kProbe]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
@@ -90,7 +93,9 @@ class Run:
             return hashlib.sha256(probe.read_bytes()).hexdigest()[:16]
 
     def start(self) -> tuple[dict[str, Plan], Progress]:
-        """First plans of all scenes that render at all; those without a chosen number of VPLs are counted with a middle one."""
+        """First plans of all scenes that render at all; those without a chosen number of VPLs are counted
+        with a middle one.
+        """
         plans, middle = {}, self.settings.scale.vpl_counts[len(self.settings.scale.vpl_counts) // 2]
         progress = Progress(self.store)
         for scene in self.scenes:
@@ -151,7 +156,9 @@ class Run:
             progress.advance(job)
 
     def _pictures(self, plan: Plan) -> dict:
-        """Small pictures of the last frame, an animated preview, and the frames as PNG if they are to be kept."""
+        """Small pictures of the last frame, an animated preview, and the frames as PNG if they are to be
+        kept.
+        """
         out, last = self.settings.out, self.planner.last(plan.is_animation)
         if self.store.result(plan.reference) is None:
             return {}
@@ -282,7 +289,8 @@ def work(settings: Settings) -> int:
         os.close(lock)
     for failure in run.failures:
         say(f"failed, {failure['scene']}, {failure['job']}: {failure['error']}")
-    say(f"{len(run.done)} scenes in {clock(time.monotonic() - start)}")
+    count = len(run.done)
+    say(f"{count} scene{'' if count == 1 else 's'} in {clock(time.monotonic() - start)}")
     print(path)
     return 1 if run.failures else 0
 

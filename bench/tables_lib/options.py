@@ -1,7 +1,8 @@
-"""The command line of bench/tables and what it decides: sizes, samples, counts. Python's standard library only.
+"""The command line of bench/tables and what it decides: sizes, samples, counts. Python's standard library
+only.
 
-As a program it checks its arguments and does nothing else: status 0, or 2 and one line. So bench/tables refuses wrong
-options before it installs, builds or measures anything.
+As a program it checks its arguments and does nothing else: status 0, or 2 and one line. So bench/tables
+refuses wrong options before it installs, builds or measures anything.
 """
 from __future__ import annotations
 
@@ -41,15 +42,14 @@ class Scale:
 
 
 kScales = {
-    "default":
-    Scale((512, 384), frames=100, rounds=3, reference_spp=2500, vpl_counts=(64, 128, 256, 512, 1024, 2048, 4096),
-          vpl_seeds=3, super_spp=16, converged_vpls=16384, converged_frames=4, few_vpls=(4, 8, 16, 32),
-          neighbour_vpls=True, accuracies=(0.4, 0.2, 0.1, 0.05), mechanism_frames=20, animated_stills=True,
-          preview_side=320),
-    "quick":
-    Scale((160, 120), frames=8, rounds=3, reference_spp=128, vpl_counts=(64, 128, 256, 512), vpl_seeds=1, super_spp=4,
-          converged_vpls=4096, converged_frames=1, few_vpls=(16,), neighbour_vpls=False, accuracies=(0.4, 0.2, 0.1),
-          mechanism_frames=4, animated_stills=False, preview_side=160)
+    "default": Scale(
+        (512, 384), frames=100, rounds=3, reference_spp=2500,
+        vpl_counts=(64, 128, 256, 512, 1024, 2048, 4096), vpl_seeds=3, super_spp=16, converged_vpls=16384,
+        converged_frames=4, few_vpls=(4, 8, 16, 32), neighbour_vpls=True, accuracies=(0.4, 0.2, 0.1, 0.05),
+        mechanism_frames=20, animated_stills=True, preview_side=320), "quick": Scale(
+            (160, 120), frames=8, rounds=3, reference_spp=128, vpl_counts=(64, 128, 256, 512), vpl_seeds=1,
+            super_spp=4, converged_vpls=4096, converged_frames=1, few_vpls=(16, ), neighbour_vpls=False,
+            accuracies=(0.4, 0.2, 0.1), mechanism_frames=4, animated_stills=False, preview_side=160)
 }
 
 

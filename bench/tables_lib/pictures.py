@@ -1,6 +1,7 @@
 """Pictures of the program: OpenEXR in and out, and small ones for looking at.
 
-Only what icbench writes is read: one part of scan lines with channels R, G, B as half or float, not compressed or by ZIP.
+Only what icbench writes is read: one part of scan lines with channels R, G, B as half or float, not
+compressed or by ZIP.
 """
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
 """Which jobs the tables of a scene need.
 
-A plan is a function of the settings and, for most of it, of the scene's number of VPLs: so the jobs that are left can
-be counted before they run, and those that are done are recognised after any interruption.
+A plan is a function of the settings and, for most of it, of the scene's number of VPLs: so the jobs that are
+left can be counted before they run, and those that are done are recognised after any interruption.
 
-Methods: rt (Whitted), igi (instant global illumination, every VPL at every pixel), interleaved (IGI by interleaved
-sampling), ic (instant caching, its cache cleared after each frame), tic (temporal instant caching).
+Methods: rt (Whitted), igi (instant global illumination, every VPL at every pixel), interleaved (IGI by
+interleaved sampling), ic (instant caching, its cache cleared after each frame), tic (temporal instant
+caching).
 """
 from __future__ import annotations
 
@@ -111,7 +112,9 @@ class Planner:
         return self.scale.frames - 1 if is_animation else 0
 
     def _guess(self, integrator: str, vpls: int, spp: int, frames: int) -> float:
-        """Seconds, from rays at 20 million a second: the order of magnitude, until jobs of that kind have run."""
+        """Seconds, from rays at 20 million a second: the order of magnitude, until jobs of that kind have
+        run.
+        """
         rays = {
             "whitted": 4, "path": 30, "instant_gi": 3 + vpls, "instant_gi_interleaved": 3 + vpls / 16,
             "instant_caching": 8 + vpls / 10, "temporal_instant_caching": 8 + vpls / 50,
@@ -122,8 +125,8 @@ class Planner:
     def render(self, scene: str, method: str, label: str, frame: int, *, vpls: int = 0, spp: int = 1,
                seed: int | None = None, cache: str = kTableCache, accuracy: float | None = None,
                threads: int = 0, reference: bool = False, repetition: int = 0) -> Job:
-        """One frame; `method` is one of this module's, or an integrator. With a repetition it is timed, and no picture
-        is kept.
+        """One frame; `method` is one of this module's, or an integrator. With a repetition it is timed, and
+        no picture is kept.
         """
         integrator = kIntegrators.get(method, method)
         arguments = [
@@ -171,7 +174,8 @@ class Planner:
     def _pictures(self, scene: str, label: str, a: Job, b: Job, metrics: str = kPictureMetrics, *,
                   maps: bool = False, frame: int | None = None) -> Job:
         """b against a; a job that made all frames gives the frame asked for."""
-        return self.compare(scene, label, [self._one("a.exr", a, frame)], [self._one("b.exr", b, frame)], metrics, maps)
+        return self.compare(scene, label, [self._one("a.exr", a, frame)], [self._one("b.exr", b, frame)],
+                            metrics, maps)
 
     @staticmethod
     def _one(name: str, job: Job, frame: int | None) -> Input:
@@ -187,12 +191,12 @@ class Planner:
                    internal=partial(pictures.write_sum, weights, "picture.exr"))
 
     def _clean(self, plan: Plan, label: str, job: Job, rt: Job, frame: int) -> Job:
-        """A method's picture with its direct light exchanged for that of many samples: what is left of its error is
-        the indirect light's, not the noise of area lights and the aliasing that all methods share. RT with the same
-        seed has the same direct light, sample by sample.
+        """A method's picture with its direct light exchanged for that of many samples: what is left of its
+        error is the indirect light's, not the noise of area lights and the aliasing that all methods
+        share. RT with the same seed has the same direct light, sample by sample.
         """
-        return self._sum(plan.scene, f"{label}, with converged direct light", [(job, 1), (rt, -1), (plan.direct, 1)],
-                         frame)
+        return self._sum(plan.scene, f"{label}, with converged direct light", [(job, 1), (rt, -1),
+                                                                               (plan.direct, 1)], frame)
 
     def start(self, scene: str, is_animation: bool) -> Plan:
         """What the number of VPLs is chosen from: references and IGI over VPL counts, on the last frame."""
@@ -202,8 +206,8 @@ class Planner:
             self.render(scene, "path", f"path tracing, half {i + 1} of the reference", last, spp=half,
                         seed=self.settings.seed + i, reference=True) for i in range(2)
         ]
-        reference = self._sum(scene, "mean of the reference's halves", [(halves[0], 0.5), (halves[1], 0.5)], last,
-                              reference=True)
+        reference = self._sum(scene, "mean of the reference's halves", [(halves[0], 0.5), (halves[1], 0.5)],
+                              last, reference=True)
         direct = self.render(scene, "rt", f"RT, {scale.reference_spp} samples a pixel", last,
                              spp=scale.reference_spp)
         plan = Plan(scene, is_animation, halves, reference, direct,
@@ -214,9 +218,9 @@ class Planner:
                 job = self.render(scene, "igi", f"IGI, {count} VPLs, seed {seed}", last, vpls=count,
                                   seed=seed)
                 plan.sweep[count, seed] = job
-                plan.sweep_errors[count,
-                                  seed] = self._pictures(scene, f"error of IGI, {count} VPLs, seed {seed}",
-                                                         reference, job)
+                clean = self._clean(plan, f"IGI, {count} VPLs, seed {seed}", job, noisy, last)
+                error = self._pictures(scene, f"error of IGI, {count} VPLs, seed {seed}", reference, clean)
+                plan.sweep_errors[count, seed] = error
         return plan
 
     def finish(self, plan: Plan, vpls: int) -> Plan:
@@ -268,8 +272,8 @@ class Planner:
                                                         [Input("b", made[method], "frames")], kPictureMetrics)
 
     def _equal_error(self, plan: Plan) -> None:
-        """Error against time over VPLs and accuracy. Methods whose frames do not depend on one another render only the
-        frames on which the error is measured.
+        """Error against time over VPLs and accuracy. Methods whose frames do not depend on one another render
+        only the frames on which the error is measured.
         """
         scale, scene = self.scale, plan.scene
         measured = range(scale.frames - scale.converged_frames, scale.frames)

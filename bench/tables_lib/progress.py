@@ -16,8 +16,8 @@ def clock(seconds: float) -> str:
 
 
 class Progress:
-    """Counts the jobs that are expected. Time left: what the jobs left were guessed to take, times how far the guesses of
-    finished jobs of the same kind (of all kinds, where there is none) were off.
+    """Counts the jobs that are expected. Time left: what the jobs left were guessed to take, times how far
+    the guesses of finished jobs of the same kind (of all kinds, where there is none) were off.
     """
     def __init__(self, store: Store):
         self._store = store
@@ -28,7 +28,8 @@ class Progress:
         self._last = -kPlainEvery
 
     def expect(self, scene: str, jobs: list[Job]) -> None:
-        """The jobs of a scene, instead of those expected before. The finished ones teach how long jobs take."""
+        """The jobs of a scene, instead of those expected before. The finished ones teach how long jobs take.
+        """
         left = {}
         for job in jobs:
             record = self._store.record(job)
@@ -68,7 +69,8 @@ class Progress:
             return
         self._last = now
         left = sum(map(len, self._left.values()))
-        text = f"{len(self._finished)} of {len(self._finished) + left} jobs, about {clock(self.seconds_left())} left; " \
+        done = len(self._finished)
+        text = f"{done} of {done + left} jobs, about {clock(self.seconds_left())} left; " \
                f"{job.scene}: {job.label}"
         if self._is_terminal:
             print(f"\r\033[K{text[:140]}", end="", file=sys.stderr, flush=True)

@@ -47,7 +47,9 @@ def _errors(store: Store, job: Job | None) -> dict | None:
 
 
 def vpl_curve(store: Store, plan: Plan) -> list[dict]:
-    """IGI's error against path tracing over VPL counts, with converged direct light: medians over sets of VPLs. Counts without a figure are left out."""
+    """IGI's error against path tracing over VPL counts, with converged direct light: medians over sets of
+    VPLs. Counts without a figure are left out.
+    """
     points = []
     for count in sorted({count for count, _ in plan.sweep}):
         seeds = [seed for c, seed in plan.sweep if c == count]
@@ -70,7 +72,9 @@ def vpl_curve(store: Store, plan: Plan) -> list[dict]:
 
 
 def choose_vpls(store: Store, plan: Plan) -> tuple[int, bool] | None:
-    """The scene's number of VPLs, and whether levelling off was seen below the largest; None if nothing could be compared."""
+    """The scene's number of VPLs, and whether levelling off was seen below the largest; None if nothing could
+    be compared.
+    """
     curve = [(point["vpls"], point["p75"]) for point in vpl_curve(store, plan)]
     return level_off(curve) if curve else None
 
@@ -133,8 +137,8 @@ def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
 
 
 def at_equal_error(points: list[dict], method: str, ours: dict) -> dict | None:
-    """How many times longer a method takes than `ours` for the error of `ours`: over the measured frames, and whether
-    that is a value or a bound.
+    """How many times longer a method takes than `ours` for the error of `ours`: over the measured frames, and
+    whether that is a value or a bound.
     """
     theirs = [p for p in points if p["method"] == method]
     found = []

@@ -43,7 +43,8 @@ kIndirectTimes = {
 
 @dataclass(frozen=True)
 class Perceived:
-    """A row of Table 6.5: percent of pixels told apart by HDR-VDP, TIC against path tracing and against IGI."""
+    """A row of Table 6.5: percent of pixels told apart by HDR-VDP, TIC against path tracing and against IGI.
+    """
     p75_path: float
     p75_igi: float
     p95_path: float

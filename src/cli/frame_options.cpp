@@ -13,7 +13,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return app->add_option(name, value, help)->capture_default_str();
   };
-  add_text("--scene", o.scene, "Scene; see icbench list scenes")->type_name("NAME");
+  add_text("--scene", o.scene, "Scene; see icbench list scenes; or a file (glTF, .rad, what assimp\nreads)")
+      ->type_name("NAME|FILE");
   add_text("--integrator", o.integrator, "Integrator; see icbench list integrators")->type_name("NAME");
   add_text("--cache", o.cache, "Cache, for the integrators that use one; see icbench list\ncaches")
       ->type_name("NAME");
@@ -35,7 +36,6 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
 }
 
 FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
-  require_known("scene", o.scene, kScenes);
   require_known("integrator", o.integrator, kIntegrators);
   const IntegratorEntry& integrator = find_integrator(o.integrator);
   const CacheEntry& cache = find_cache(o.cache);
@@ -54,7 +54,10 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     threads = 1;
   }
   team_ = std::make_unique<ThreadTeam>(topology, placement, threads);
-  rays_ = std::make_unique<RayTracer>(make_scene(o.scene));
+  std::vector<std::string> notes;
+  Scene scene = make_scene(o.scene, &notes);
+  for (const std::string& note : notes) fmt::print(stderr, "note: {}\n", note);
+  rays_ = std::make_unique<RayTracer>(std::move(scene));
   request_ = std::make_unique<FrameRequest>(FrameRequest{*rays_,
                                                          *team_,
                                                          integrator,

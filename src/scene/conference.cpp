@@ -160,20 +160,17 @@ void add_papers(Parts& room, const Colours& c) {
 }
 
 // There and back on a narrow ellipse, looking ahead (the bunny's head is at -x).
-Pose across_the_table(float frame, float frames) {
-  constexpr float kReach = 2.35f, kAside = 0.22f;
-  const float phase = 2.0f * kPi * frame / frames;
-  const vec3 at(-kReach * std::cos(phase), kTableHeight + kGap, kAside * std::sin(phase));
-  Pose pose = turned(std::atan2(kAside * std::cos(phase), -kReach * std::sin(phase)), at);
-  pose.linear *= 0.45f;  // its height, metres
-  return pose;
+Pose across_the_table(float frame) {
+  constexpr float kReach = 2.35f, kAside = 0.22f, kTall = 0.45f;
+  const float c = std::cos(loop_angle(frame)), s = std::sin(loop_angle(frame));
+  return turned(std::atan2(kAside * c, -kReach * s), {-kReach * c, kTableHeight + kGap, kAside * s}, kTall);
 }
 
 }  // namespace
 
 Scene conference() {
   Scene s;
-  s.frames = 100;
+  s.frames = kLoopFrames;
   const Colours c = add_colours(s);
   Parts room;
   add_walls(s, room, c);
@@ -184,9 +181,7 @@ Scene conference() {
   add_papers(room, c);
   room.build(s, "conference");
   Mesh bunny = stanford_bunny(s.add_material({.albedo = {0.13f, 0.52f, 0.12f}}));
-  bunny.pose = [frames = static_cast<float>(s.frames)](float frame) {
-    return across_the_table(frame, frames);
-  };
+  bunny.pose = across_the_table;
   s.meshes.push_back(std::move(bunny));
   s.camera = {.eye = {-4.2f, 1.80f, 2.35f}, .target = {0.3f, 0.74f, -0.40f}, .up = {0, 1, 0}, .fov_y = 0.84f};
   return s;

@@ -1,4 +1,5 @@
-// Every format that assimp reads. assimp trusts what it reads, so it reads in a child process first (import_trial.h).
+// Every format that assimp reads. assimp trusts what it reads, so it reads in a child process first
+// (import_trial.h).
 #include <assimp/GltfMaterial.h>
 #include <assimp/config.h>
 #include <assimp/postprocess.h>

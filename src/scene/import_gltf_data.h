@@ -1,5 +1,5 @@
-// The binary half of a glTF file: buffers, views and accessors, each checked against the bytes that are there before
-// anything is allocated for it.
+// The binary half of a glTF file: buffers, views and accessors, each checked against the bytes that are there
+// before anything is allocated for it.
 #pragma once
 
 #include <cstdint>

@@ -18,8 +18,8 @@ struct TextureUse {
   glm::dmat3 transform{1.0};  ///< from the file's coordinates to those of Texture
 };
 
-/// Adds all materials of a document to a model, followed by the one of primitives that name none; a texture use for
-/// each. Throws std::runtime_error with the place.
+/// Adds all materials of a document to a model, followed by the one of primitives that name none; a texture
+/// use for each. Throws std::runtime_error with the place.
 std::vector<TextureUse> read_gltf_materials(const Element& document, const GltfData& data, Model& model);
 
 }  // namespace icbench::importing

@@ -1,5 +1,5 @@
-// PNG by way of the project's own reader, JPEG through stb, which is told only about images whose size the file's bytes
-// can account for.
+// PNG by way of the project's own reader, JPEG through stb, which is told only about images whose size the
+// file's bytes can account for.
 #include <fmt/format.h>
 #include <stb_image.h>
 
@@ -14,7 +14,8 @@ namespace icbench::importing {
 namespace {
 
 constexpr std::string_view kPng("\x89PNG\r\n\x1a\n", 8), kJpeg("\xff\xd8\xff", 3);
-// A block of 8 x 8 samples takes at least a bit of a JPEG file, and chroma is subsampled at most 4 by 4 times.
+// A block of 8 x 8 samples takes at least a bit of a JPEG file, and chroma is subsampled at most 4 by 4
+// times.
 constexpr std::size_t kTexelsPerByte = 8 * 64;
 
 void check_size(std::size_t width, std::size_t height) {

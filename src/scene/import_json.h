@@ -9,8 +9,8 @@
 
 namespace icbench::importing {
 
-/// Parses a document. Throws std::runtime_error with one line for text that is not JSON or nests deeper than any scene
-/// needs.
+/// Parses a document. Throws std::runtime_error with one line for text that is not JSON or nests deeper than
+/// any scene needs.
 nlohmann::json parse_json(std::string_view text);
 
 /// A value and where it stands; refers to the document, which must outlive it. Errors are std::runtime_error.

@@ -38,7 +38,8 @@ struct Box {
 
 glm::dvec3 transform(const glm::dmat4& m, const glm::dvec3& p) { return glm::dvec3(m * glm::dvec4(p, 1.0)); }
 
-// Turns directions as the normals of surfaces turn, up to length; unlike the inverse it exists for every matrix.
+// Turns directions as the normals of surfaces turn, up to length; unlike the inverse it exists for every
+// matrix.
 glm::dmat3 cofactors(const glm::dmat4& m) {
   const glm::dvec3 a(m[0]), b(m[1]), c(m[2]);
   return {glm::cross(b, c), glm::cross(c, a), glm::cross(a, b)};
@@ -50,6 +51,17 @@ glm::dvec3 unit_or(const glm::dvec3& v, const glm::dvec3& otherwise) {
   const double longest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
   if (!(longest > 0.0 && std::isfinite(longest))) return otherwise;
   return glm::normalize(v / longest);
+}
+
+// For each vertex the sum of the normals around it, weighted by area.
+std::vector<glm::dvec3> face_sums(const Shape& shape) {
+  std::vector<glm::dvec3> sums(shape.positions.size(), glm::dvec3(0.0));
+  for (const glm::uvec3& t : shape.triangles) {
+    const glm::dvec3& a = shape.positions[t.x];
+    const glm::dvec3 n = glm::cross(shape.positions[t.y] - a, shape.positions[t.z] - a);
+    for (const std::uint32_t v : {t.x, t.y, t.z}) sums[v] += n;
+  }
+  return sums;
 }
 
 // A mesh of single precision in the making.
@@ -72,7 +84,7 @@ struct Part {
   void append_normals(const Shape& shape, const glm::dmat4& m, bool mirrored) {
     if (shape.normals.empty()) return;
     const glm::dmat3 turn = (mirrored ? -1.0 : 1.0) * cofactors(m);
-    std::vector<glm::dvec3> faces;  // sums of the normals around a vertex, for those without a direction
+    std::vector<glm::dvec3> faces;  // for those without a direction
     for (std::size_t v = 0; v < shape.normals.size(); ++v) {
       glm::dvec3 n = unit_or(turn * glm::dvec3(shape.normals[v]), glm::dvec3(0.0));
       if (n == glm::dvec3(0.0)) {
@@ -82,27 +94,12 @@ struct Part {
       mesh.normals.push_back(glm::normalize(glm::vec3(n)));
     }
   }
-
-  static std::vector<glm::dvec3> face_sums(const Shape& shape) {
-    std::vector<glm::dvec3> sums(shape.positions.size(), glm::dvec3(0.0));
-    for (const glm::uvec3& t : shape.triangles) {
-      const glm::dvec3& a = shape.positions[t.x];
-      const glm::dvec3 n = glm::cross(shape.positions[t.y] - a, shape.positions[t.z] - a);
-      for (const std::uint32_t v : {t.x, t.y, t.z}) sums[v] += n;
-    }
-    return sums;
-  }
 };
 
 // The back of a sheet of thin glass: the same triangles, reversed, `thickness` behind them.
 void add_back(Shape& shape, double thickness) {
   const std::size_t count = shape.positions.size();
-  std::vector<glm::dvec3> n(count, glm::dvec3(0.0));
-  for (const glm::uvec3& t : shape.triangles) {
-    const glm::dvec3& a = shape.positions[t.x];
-    const glm::dvec3 face = glm::cross(shape.positions[t.y] - a, shape.positions[t.z] - a);
-    for (const std::uint32_t v : {t.x, t.y, t.z}) n[v] += face;
-  }
+  const std::vector<glm::dvec3> n = face_sums(shape);
   const auto first = static_cast<std::uint32_t>(count);
   for (std::size_t v = 0; v < count; ++v)
     shape.positions.push_back(shape.positions[v] - thickness * unit_or(n[v], glm::dvec3(0.0)));
@@ -220,8 +217,8 @@ class Assembly {
     }
   }
 
-  // What stands still is one mesh for each material and kind of vertex; what moves is one for each shape, shown again by
-  // instances.
+  // What stands still is one mesh for each material and kind of vertex; what moves is one for each shape,
+  // shown again by instances.
   void place_shapes() {
     std::map<std::tuple<std::uint32_t, bool, bool>, Part> still;
     std::map<std::pair<std::uint32_t, bool>, std::uint32_t> moving;
@@ -241,8 +238,8 @@ class Assembly {
     for (auto& [key, part] : still) scene_.meshes.push_back(std::move(part.mesh));
   }
 
-  // A moving shape lies around its own centre, so that single precision serves it well; a mirrored one is mirrored at
-  // rest, since a pose may not.
+  // A moving shape lies around its own centre, so that single precision serves it well; a mirrored one is
+  // mirrored at rest, since a pose may not.
   void place_moving(std::uint32_t node, std::uint32_t index,
                     std::map<std::pair<std::uint32_t, bool>, std::uint32_t>& shown) {
     const bool mirrored = mirrors(world(node));
@@ -318,7 +315,8 @@ class Assembly {
     if (rig_->moves(model_.lens->node)) scene_.camera_path = view;
   }
 
-  // From a little to the right of the front and above, at the distance at which the bounding sphere fits the view.
+  // From a little to the right of the front and above, at the distance at which the bounding sphere fits the
+  // view.
   Camera framing() const {
     Camera camera;
     camera.fov_y = 0.7f;

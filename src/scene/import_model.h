@@ -1,4 +1,5 @@
-// What the readers of file formats have in common: a file's content before it is a Scene, and the step to one.
+// What the readers of file formats have in common: a file's content before it is a Scene, and the step to
+// one.
 #pragma once
 
 #include <cstdint>
@@ -90,8 +91,8 @@ struct Model {
 /// Places, joins and recentres everything. Throws std::runtime_error with one line.
 ImportedScene assemble(Model model);
 
-/// Decodes a PNG or JPEG file's bytes to a texture. Throws std::runtime_error with a reason to which the caller adds the
-/// place; nothing beyond kMaxTexels, or beyond what the bytes can hold, is allocated.
+/// Decodes a PNG or JPEG file's bytes to a texture. Throws std::runtime_error with a reason to which the
+/// caller adds the place; nothing beyond kMaxTexels, or beyond what the bytes can hold, is allocated.
 Texture decode_texture(std::string_view bytes, std::string name);
 
 /// Mean linear colour of a texture.

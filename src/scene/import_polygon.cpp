@@ -40,8 +40,8 @@ class EarClipper {
  private:
   double area(std::uint32_t i) const { return cross(p_[i] - p_[before_[i]], p_[next_[i]] - p_[i]); }
 
-  // An ear, or what comes nearest where rounding or a crossing leaves none: one that only touches other corners, a
-  // corner without area, any convex corner.
+  // An ear, or what comes nearest where rounding or a crossing leaves none: one that only touches other
+  // corners, a corner without area, any convex corner.
   std::uint32_t find_ear(std::uint32_t start, std::size_t left) const {
     std::uint32_t touching = kNone, flat = kNone, convex = kNone, i = start;
     for (std::size_t n = 0; n < left; ++n, i = next_[i]) {

@@ -1,4 +1,5 @@
-// Radiance scene descriptions as `xform -e` flattens them (Ward & Shakespeare 1998; the Radiance reference manual).
+// Radiance scene descriptions as `xform -e` flattens them (Ward & Shakespeare 1998; the Radiance reference
+// manual).
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Radiance's surfaces as triangles. Curved ones have smooth normals and stray from the surface by at most a given
-// chord tolerance.
+// Radiance's surfaces as triangles. Curved ones have smooth normals and stray from the surface by at most a
+// given chord tolerance.
 #pragma once
 
 #include <glm/vec3.hpp>
@@ -9,7 +9,8 @@
 
 namespace icbench::importing {
 
-/// Corners of a circle of a radius, so that its chords stray by at most the tolerance: 8 to 256, a multiple of 4.
+/// Corners of a circle of a radius, so that its chords stray by at most the tolerance: 8 to 256, a multiple
+/// of 4.
 int segments(double radius, double tolerance);
 
 /// Each appends to a shape; `inward` turns the front to the inside. Radii are > 0 unless said otherwise.

@@ -43,11 +43,12 @@ class Rig {
   /// Returns the new node's index. `parent` is an index or -1.
   std::uint32_t add(std::string name, int parent, const Local& local);
 
-  /// Takes a channel unless the node already has one for that path; a constant one becomes the node's own pose.
+  /// Takes a channel unless the node already has one for that path; a constant one becomes the node's own
+  /// pose.
   bool animate(Channel channel);
 
-  /// Call once after the last add and animate. Throws std::runtime_error naming a node that stands nowhere finite or
-  /// lies too deep in the hierarchy (kMaxDepth).
+  /// Call once after the last add and animate. Throws std::runtime_error naming a node that stands nowhere
+  /// finite or lies too deep in the hierarchy (kMaxDepth).
   void finish();
 
   std::size_t size() const noexcept { return nodes_.size(); }
@@ -62,8 +63,8 @@ class Rig {
   /// Time of the last key, seconds.
   double duration() const;
 
-  /// Whether a scale was found to reach 0 or change its sign over time; it then stays at kLeastScale of its largest
-  /// and keeps its first sign.
+  /// Whether a scale was found to reach 0 or change its sign over time; it then stays at kLeastScale of its
+  /// largest and keeps its first sign.
   bool mended_scale() const noexcept { return mended_scale_; }
 
   static constexpr int kMaxDepth = 256;

@@ -1,27 +1,30 @@
 // Scenes from files: glTF 2.0 (.gltf, .glb), Radiance (.rad) and every other format that assimp reads.
 //
 // What becomes of a file
-// - Materials: diffuse, mirror or dielectric, whichever is nearest; base-colour textures (PNG, JPEG). glTF: KHR
-//   transmission of 0.5 or more, or an alpha below 0.5 that blends, is a dielectric; metallic >= 0.5 with roughness
-//   <= 0.1 is a mirror; all else is diffuse with the base colour. Radiance: plastic is diffuse with all it reflects,
-//   and so is metal unless it is a mirror by specularity >= 0.5 and roughness <= 0.05; mirror; glass and dielectric
-//   are dielectrics; light, glow, illum and spotlight emit. Glass without thickness gets a second sheet behind the
-//   first, so that rays leave it in the direction in which they came.
-// - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are taken as
-//   radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional light becomes a
-//   point light kSunDistance scene radii away that gives the same irradiance at the centre.
+// - Materials: diffuse, mirror or dielectric, whichever is nearest; base-colour textures (PNG, JPEG). glTF:
+//   KHR transmission of 0.5 or more, or an alpha below 0.5 that blends, is a dielectric; metallic >= 0.5 with
+//   roughness <= 0.1 is a mirror; all else is diffuse with the base colour. Radiance: plastic is diffuse with
+//   all it reflects, and so is metal unless it is a mirror by specularity >= 0.5 and roughness <= 0.05;
+//   mirror; glass and dielectric are dielectrics; light, glow, illum and spotlight emit. Glass without
+//   thickness gets a second sheet behind the first, so that rays leave it in the direction in which they
+//   came.
+// - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are
+//   taken as radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional
+//   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre.
 // - Camera: the file's first perspective one; Radiance: the view of FILE.vf beside FILE.rad, else of the last
 //   "# view" comment. Without one the scene is framed from the front, a little to the right and above.
-// - A file without any light gets a point light at the camera, strong enough that white in the middle of the scene has
-//   radiance 1.
-// - Motion: all node animations of a file at once, at kFramesPerSecond, over the longest of them. Nothing else moves.
+// - A file without any light gets a point light at the camera, strong enough that white in the middle of the
+//   scene has radiance 1.
+// - Motion: all node animations of a file at once, at kFramesPerSecond, over the longest of them. Nothing
+//   else moves.
 // - Units: metres. FBX and Collada state theirs and are converted; all other numbers are taken as metres.
 // - Coordinates are held as doubles until a scene that lies far from its origin has been brought there.
 //
-// Guarantees: any file gives a scene or one line that names file and place, whatever its bytes. Memory stays within a
-// constant times the bytes of the file and those it names, plus its textures (kMaxTexels) and the surfaces it
-// describes (kMaxVertices). What assimp reads it reads first in a process of its own, so that neither a fault nor
-// its appetite reaches this one: twice the time, and an end to files on which it would have none. No command in a file is ever carried out.
+// Guarantees: any file gives a scene or one line that names file and place, whatever its bytes. Memory stays
+// within a constant times the bytes of the file and those it names, plus its textures (kMaxTexels) and the
+// surfaces it describes (kMaxVertices). What assimp reads it reads first in a process of its own, so that
+// neither a fault nor its appetite reaches this one: twice the time, and an end to files on which it would
+// have none. No command in a file is ever carried out.
 #pragma once
 
 #include <cstddef>
@@ -40,7 +43,7 @@ inline constexpr double kSunDistance = 50.0;
 
 /// Most vertices, and triangles, that a file may describe, instances that stand still counted each.
 inline constexpr std::size_t kMaxVertices = std::size_t{1} << 26;
-/// Most texels of one texture.
+/// Most texels of all textures of a file.
 inline constexpr std::size_t kMaxTexels = std::size_t{1} << 26;
 
 struct ImportedScene {

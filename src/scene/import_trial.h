@@ -7,10 +7,10 @@
 
 namespace icbench::importing {
 
-/// Runs `attempt` in a child process with its output closed, that may take `bytes` of memory beyond what this one has
-/// (not limited under AddressSanitizer, which reserves address space without measure) and `seconds` of processor time.
-/// Returns what keeps this process from doing the same: the text that `attempt` returned, or one about the child's
-/// end; empty if there is nothing. The limits do not outlive the call.
+/// Runs `attempt` in a child process with its output closed, that may take `bytes` of memory beyond what this
+/// one has (not limited under AddressSanitizer, which reserves address space without measure) and `seconds`
+/// of processor time. Returns what keeps this process from doing the same: the text that `attempt` returned,
+/// or one about the child's end; empty if there is nothing. The limits do not outlive the call.
 std::string try_apart(const std::function<std::string()>& attempt, std::size_t bytes, unsigned seconds);
 
 }  // namespace icbench::importing

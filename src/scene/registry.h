@@ -51,8 +51,10 @@ inline constexpr std::array kScenes{
     SceneEntry{"cornell_lamp", "Cornell box whose lamp dims and changes colour; a spot light sweeps", false,
                cornell_lamp},
     SceneEntry{"cornell_paint", "Cornell box with a wall that changes its paint", false, cornell_paint},
-    SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false, conference},
-    SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false, sibenik},
+    SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false,
+               conference},
+    SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false,
+               sibenik},
     SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
                white_furnace},
@@ -60,8 +62,8 @@ inline constexpr std::array kScenes{
                lit_floor},
 };
 
-/// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its user. Throws
-/// std::runtime_error with one line, naming the known scenes if the name is neither.
+/// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its
+/// user. Throws std::runtime_error with one line, naming the known scenes if the name is neither.
 Scene make_scene(std::string_view name, std::vector<std::string>* notes = nullptr);
 
 }  // namespace icbench

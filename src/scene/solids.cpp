@@ -209,8 +209,6 @@ glm::mat3 rotation(const vec3& axis, float angle) {
   return m;
 }
 
-Pose turned(float angle, const vec3& shift) { return {rotation({0, 1, 0}, angle), shift}; }
-
 Mesh moved(Mesh mesh, const Pose& pose) {
   const glm::mat3 for_normals = glm::transpose(glm::inverse(pose.linear));
   for (vec3& p : mesh.positions) p = pose(p);

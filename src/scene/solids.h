@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "scene/motion.h"
 #include "scene/polygon.h"
 #include "scene/scene.h"
 
@@ -56,9 +57,6 @@ Path fillet(const Path& path, float radius, int steps = 4);
 
 /// Points of a polygon lifted into space: x along `across`, y along `up` from `origin`.
 Path lift(const Polygon& polygon, const glm::vec3& origin, const glm::vec3& across, const glm::vec3& up);
-
-/// Rotation about the vertical axis (from z towards x), then a shift.
-Pose turned(float angle, const glm::vec3& shift);
 
 /// Rotation about an axis through the origin; `axis` has length 1.
 glm::mat3 rotation(const glm::vec3& axis, float angle);
