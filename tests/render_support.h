@@ -109,7 +109,7 @@ inline Image picture(const RayTracer& rays, const IntegratorEntry& integrator, i
   for (std::uint32_t s = 0; s < spp; ++s) {
     const SampleKey key = first.next_sample(s);
     for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
-      visible_tile(tracer, pass->light(), view, Lens::jittered, key, tile, primary, direct);
+      visible_tile(tracer, pass->light(), view, Lens::jittered, key, 1, tile, primary, direct);
     });
     pass->begin_sample(primary, key);
     for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {

@@ -2,12 +2,25 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "cli/options.h"
 #include "scene/registry.h"
 #include "workload/memory.h"
 #include "workload/names.h"
 
 namespace icbench {
+namespace {
+
+// Estimates of direct light that a pixel gets together, unless asked otherwise: its noise is then no louder than what
+// is compared.
+constexpr std::uint32_t kLightSamples = 16;
+
+std::uint32_t light_samples_of(const FrameOptions& o) {
+  return o.light_samples != 0 ? o.light_samples : std::max(1u, kLightSamples / o.spp);
+}
+
+}  // namespace
 
 void add_frame_options(CLI::App* app, FrameOptions& o) {
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
@@ -25,6 +38,9 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_text("--size", o.size, "WIDTHxHEIGHT, pixels");
   add_whole(app, "--spp", o.spp, 1u, 1u << 24,
             "Primary samples per pixel: one through its centre, more\nspread over it");
+  add_whole(app, "--light-samples", o.light_samples, 1u, 1u << 16,
+            "Estimates of direct light per primary sample (default: 16 for a\npixel)")
+      ->default_str("");
   add_whole(app, "--rays", o.rays, 1u, 1u << 20, "irradiance_cache: gather rays per record");
   add_whole(app, "--vpls", o.vpls, 1u, 1u << 16, "Virtual point lights, for the integrators that use them");
   add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, at most 1; smaller is finer");
@@ -65,6 +81,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          width,
                                                          height,
                                                          o.spp,
+                                                         light_samples_of(o),
                                                          o.rays,
                                                          o.vpls,
                                                          o.accuracy,
@@ -82,6 +99,7 @@ nlohmann::ordered_json FrameSetup::asked() const {
                               {"width", r.width},
                               {"height", r.height},
                               {"spp", r.spp},
+                              {"light_samples", r.light_samples},
                               {"seed", r.seed}};
   if (r.integrator.needs_cache()) {
     j["cache"] = options_.cache;
@@ -110,6 +128,8 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["records_updated"] = p.records_updated;
     j["records_dropped"] = p.records_dropped;
     j["bytes_beside_cache"] = p.bytes_beside_cache;
+    j["lock_wait_share"] =
+        1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
   }
   if (integrator.uses_vpls) {
     j["light_paths"] = p.light_paths;

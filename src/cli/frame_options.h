@@ -17,6 +17,7 @@ struct FrameOptions {
   std::string json, tiles = "morton", placement = "compact";
   unsigned threads = 0;
   std::uint32_t spp = 1, rays = 256, vpls = 256;
+  std::uint32_t light_samples = 0;  ///< 0: as many as make 16 for a pixel
   float accuracy = 0.2f, exposure = 1.0f;
   std::uint64_t seed = 1;
 };

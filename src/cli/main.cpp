@@ -134,6 +134,7 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   icbench::occupy_standard_streams();
-  std::signal(SIGXFSZ, SIG_IGN);  // past a limit on file sizes, writing fails and is reported like a full disk
+  std::signal(SIGXFSZ,
+              SIG_IGN);  // past a limit on file sizes, writing fails and is reported like a full disk
   return icbench::run(argc, argv);
 }

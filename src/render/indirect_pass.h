@@ -59,8 +59,9 @@ class IndirectPass {
 };
 
 /// What goes before a pass: primary hits of a tile, and the radiance they emit and, unless the pass brings all light,
-/// reflect directly.
+/// reflect directly, as the mean of `light_samples` estimates (>= 1).
 void visible_tile(Tracer& tracer, Light light_of_pass, const CameraView& view, Lens lens,
-                  const SampleKey& key, const Tile& tile, PrimaryHits& primary, Image& direct) noexcept;
+                  const SampleKey& key, std::uint32_t light_samples, const Tile& tile, PrimaryHits& primary,
+                  Image& direct) noexcept;
 
 }  // namespace icbench

@@ -21,8 +21,8 @@
 
 namespace icbench {
 
-/// Compensation rays of a record.
-inline constexpr std::uint32_t kRecordCompensation = 64;
+/// Compensation rays of a record: a bit of RecordTable's for each.
+inline constexpr std::uint32_t kRecordCompensation = 32;
 
 /// The point at which a record is made, as it is evaluated: with normals that 32 bits can hold.
 Hit record_point(const glm::vec3& p, PackedNormal n, PackedNormal ng) noexcept;
@@ -34,8 +34,9 @@ inline Hit record_point(const Hit& hit) noexcept {
 std::uint64_t compensation_key(const glm::vec3& p) noexcept;
 
 inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp,
-                                      Packing packing = Packing::exact) noexcept {
-  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing);
+                                      Packing packing = Packing::exact,
+                                      std::uint64_t which = ~std::uint64_t{0}) noexcept {
+  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing, which);
 }
 
 /// Traces paths of a set anew, by a crew.

@@ -19,7 +19,7 @@
 namespace icbench {
 
 /// Compensation rays of a hit.
-inline constexpr std::uint32_t kPixelCompensation = 64;
+inline constexpr std::uint32_t kPixelCompensation = 32;
 
 /// How irradiance is made of VPLs.
 struct VplShading {

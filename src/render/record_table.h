@@ -1,4 +1,4 @@
-// What temporal instant caching keeps of each record beside the cache: 60 bytes, and a bit for every virtual light.
+// What temporal instant caching keeps of each record beside the cache: 64 bytes, and a bit for every virtual light.
 //
 // Records are named by a 32-bit id, which is their place here. Blocks of 64 are taken from the system as they are
 // needed, so memory follows the number of records; threads draw free ids in batches of a block. What a thread writes
@@ -33,8 +33,9 @@ struct KeptRecord {
   PackedNormal n, ng;      ///< shading and geometric normal
   std::uint16_t mesh = 0;  ///< that it lies on; kManyMeshes for that one and all beyond
   std::uint8_t state = free;
-  bool compensated = false;  ///< surfaces lie so near that light was taken by the clamp and added back
-  Irradiance E{0.0f};        ///< W/m^2
+  std::uint32_t met =
+      0;  ///< compensation rays that met a surface so near that the clamp took light (a bit each)
+  Irradiance E{0.0f};  ///< W/m^2
   DistanceCodes distances{};
 };
 static_assert(sizeof(KeptRecord) <= 64, "64 bytes a record is what may be kept beside the cache");

@@ -47,6 +47,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   const VplChange light = update_lights(change, c.boxes, crew);
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
+  c.surfaces_changed = change.materials;
   if (live_ + homeless_ == 0 || (c.boxes.empty() && !c.light_changed && !swept)) {
     figures_.records_kept = live_;
     begin_sweep_if_due();
@@ -136,14 +137,13 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const Irradiance E_before = r.E;
   const float R_before = radius_.radius(r.distances);
 
-  const bool compensates = r.compensated || c.boxes.near(r.p, compensation_reach(clamp_));
-  if (see_anew(tracer, w, c, point, id) || c.light_changed || compensates) {
-    r.E = irradiance_from(table_.visible(id), point, vpls_.vpls(), clamp_);
-    if (compensates) {
-      const Compensation added = compensate_record(tracer, point, clamp_);
-      r.E += added.E;
-      r.compensated = added.met > 0;
-    }
+  // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not be.
+  const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
+  if (see_anew(tracer, w, c, point, id) || c.light_changed || r.met != 0 || nearby) {
+    const Compensation added =
+        compensate_record(tracer, point, clamp_, Packing::exact, nearby ? ~std::uint64_t{0} : r.met);
+    r.E = irradiance_from(table_.visible(id), point, vpls_.vpls(), clamp_) + added.E;
+    r.met = static_cast<std::uint32_t>(added.met);
   }
   if (const std::uint32_t cut = cut_distances(c, point, r.distances); cut != 0)
     radius_.trace(tracer, point, cut, r.distances);
@@ -230,7 +230,7 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   trace_visibility(tracer, point, vpls_.vpls(), visible);
   const Compensation added = compensate_record(tracer, point, clamp_);
   r.E = irradiance_from(visible, point, vpls_.vpls(), clamp_) + added.E;
-  r.compensated = added.met > 0;
+  r.met = static_cast<std::uint32_t>(added.met);
   return {point.p, point.n, radius_.radius(r.distances), r.E, id};
 }
 

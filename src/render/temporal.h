@@ -24,7 +24,7 @@
 // begins. So their number stays below twice the number in use, and a frame's new ones, for ever; between such frames
 // queries tell nothing and nothing is paid for.
 //
-// Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
+// Memory beside the cache's: 64 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
 #pragma once
 
 #include <atomic>
@@ -80,6 +80,7 @@ class TemporalSource final : public RecordSource {
     std::vector<std::uint8_t> moved_meshes;  // by KeptRecord::mesh
     std::vector<std::uint64_t> moved_vpls;   // a bit for each
     bool light_changed = false;              // any VPL, or what may reach compensation rays
+    bool surfaces_changed = false;           // what any surface reflects
     bool unused_goes = false;
   };
 

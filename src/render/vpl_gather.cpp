@@ -223,8 +223,7 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
 
 Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing) noexcept {
-  constexpr std::uint32_t kWave = 64;
+                        Packing packing, std::uint64_t which) noexcept {
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(hit.p, hit.ng);
   const Basis basis(hit.n);
@@ -232,37 +231,37 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
   Pcg32 shifts(key);
   const float elevation_shift = shifts.uniform();
   const std::uint32_t azimuth_shift = shifts();
+  Ray asked[kMaxCompensation];
+  Hit met[kMaxCompensation];
+  std::uint32_t index[kMaxCompensation];
+  std::uint32_t n = 0;
+  for (std::uint32_t i = 0; i < std::min(count, kMaxCompensation); ++i) {
+    if ((which >> i & 1u) == 0) continue;
+    // A Hammersley set, shifted at random: each direction has the cosine's density.
+    const std::uint32_t reversed = reverse_bits(i) + azimuth_shift;
+    const glm::vec3 d =
+        cosine_direction(basis, (static_cast<float>(i) + elevation_shift) / static_cast<float>(count),
+                         static_cast<float>(reversed >> 8) * 0x1p-24f);
+    if (!(glm::dot(d, hit.ng) > 0.0f)) continue;
+    asked[n] = {from, reach, d};
+    index[n++] = i;
+  }
+  if (packing == Packing::fast)
+    tracer.intersect({asked, n}, {met, n});
+  else
+    for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
+
   Compensation out;
-  for (std::uint32_t first = 0; first < count; first += kWave) {
-    Ray asked[kWave];
-    Hit met[kWave];
-    std::uint32_t index[kWave];
-    std::uint32_t n = 0;
-    for (std::uint32_t i = first; i < std::min(count, first + kWave); ++i) {
-      // A Hammersley set, shifted at random: each direction has the cosine's density.
-      const std::uint32_t reversed = reverse_bits(i) + azimuth_shift;
-      const glm::vec3 d =
-          cosine_direction(basis, (static_cast<float>(i) + elevation_shift) / static_cast<float>(count),
-                           static_cast<float>(reversed >> 8) * 0x1p-24f);
-      if (!(glm::dot(d, hit.ng) > 0.0f)) continue;
-      asked[n] = {from, reach, d};
-      index[n++] = i;
-    }
-    if (packing == Packing::fast)
-      tracer.intersect({asked, n}, {met, n});
-    else
-      for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
-    for (std::uint32_t k = 0; k < n; ++k) {
-      if (!reflects(rays, met[k])) continue;
-      const glm::vec3 d = met[k].p - hit.p;
-      const float d2 = glm::dot(d, d);
-      const float G = glm::dot(d, hit.n) * -glm::dot(d, met[k].ng) / (d2 * d2);
-      if (!(G > clamp)) continue;
-      ++out.met;
-      Pcg32 random(hash_keys(key, index[k] + 1));
-      out.E += (1.0f - clamp / G) / static_cast<float>(count) * rays.albedo(met[k]) *
-               sample_irradiance(tracer, met[k], Light::all, random);
-    }
+  for (std::uint32_t k = 0; k < n; ++k) {
+    if (!reflects(rays, met[k])) continue;
+    const glm::vec3 d = met[k].p - hit.p;
+    const float d2 = glm::dot(d, d);
+    const float G = glm::dot(d, hit.n) * -glm::dot(d, met[k].ng) / (d2 * d2);
+    if (!(G > clamp)) continue;
+    out.met |= std::uint64_t{1} << index[k];
+    Pcg32 random(hash_keys(key, index[k] + 1));
+    out.E += (1.0f - clamp / G) / static_cast<float>(count) * rays.albedo(met[k]) *
+             sample_irradiance(tracer, met[k], Light::all, random);
   }
   return out;
 }

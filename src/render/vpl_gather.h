@@ -26,7 +26,7 @@
 namespace icbench {
 
 /// The clamp of a scene as a share of its diagonal: G is bounded where two facing surfaces are this far apart.
-inline constexpr float kClampShare = 0.1f;
+inline constexpr float kClampShare = 0.02f;
 
 /// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
 float vpl_clamp(const Bounds& bounds) noexcept;
@@ -56,16 +56,21 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 
 struct Compensation {
   Irradiance E{0.0f};     ///< what the clamp took, W/m^2: unbiased estimate
-  std::uint32_t met = 0;  ///< rays that met a surface for which weight was left; 0: E is 0
+  std::uint64_t met = 0;  ///< the rays, a bit each, that met a surface for which weight was left; 0: E is 0
 };
+
+/// Most compensation rays of a point.
+inline constexpr std::uint32_t kMaxCompensation = 64;
 
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays; light that arrives at the surfaces met is estimated by
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); light that arrives at the surfaces met is estimated by
 /// one path each. Random numbers depend on the key alone. 0 rays: 0.
-/// With exact packing what a ray meets is a function of the ray and the scene alone, too.
+/// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
+/// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the result
+/// is that of tracing all, bit for bit.
 Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing = Packing::exact) noexcept;
+                        Packing packing = Packing::exact, std::uint64_t which = ~std::uint64_t{0}) noexcept;
 
 }  // namespace icbench

@@ -38,6 +38,7 @@ class CachedPass final : public IndirectPass {
 
   void begin_frame(const SceneChange& change) override {
     for (const auto& w : workers_) w->use = {};
+    lock_wait_before_ = cache_.counters().lock_wait_ns;
     switch (source_->begin_frame(change, crew_)) {
       case RecordsThen::stay:
         break;
@@ -61,12 +62,15 @@ class CachedPass final : public IndirectPass {
 
   void end_sample(const PrimaryHits&, Image&) override { cache_.end_frame(); }
 
-  void for_each_record(const std::function<void(const Record&)>& f) const override { cache_.for_each_record(f); }
+  void for_each_record(const std::function<void(const Record&)>& f) const override {
+    cache_.for_each_record(f);
+  }
 
   PassFigures figures() const override {
     PassFigures out;
     for (const auto& w : workers_) out.use += w->use;
     cache_.for_each_record([&](const Record&) { ++out.records; });
+    out.lock_wait_ns = cache_.counters().lock_wait_ns - lock_wait_before_;
     source_->report(out);
     return out;
   }
@@ -102,6 +106,7 @@ class CachedPass final : public IndirectPass {
   };
 
   Crew& crew_;
+  std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
   Cache cache_;
   std::vector<std::unique_ptr<Worker>> workers_;  // each made by its thread

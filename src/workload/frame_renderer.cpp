@@ -69,7 +69,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
     TileCursor seen(tiles_), lit(tiles_);
     const TeamTimes first = crew_.time([&](unsigned, Tracer& tracer) {
       while (const Tile* tile = seen.next()) {
-        visible_tile(tracer, pass_->light(), view, lens, key, *tile, primary_, direct_);
+        visible_tile(tracer, pass_->light(), view, lens, key, r.light_samples, *tile, primary_, direct_);
       }
     });
     cost.seconds += 1e-9 * static_cast<double>(first.wall_ns());
@@ -89,6 +89,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
   cost.seconds += cost.seconds_indirect;
   cost.rays = crew_.rays() - rays_before;
   cost.pass = pass_->figures();
+  cost.threads = crew_.size();
   return cost;
 }
 

@@ -23,10 +23,11 @@ struct FrameRequest {
   const IntegratorEntry& integrator;
   const CacheEntry& cache;  ///< for integrators that use one
   int width = 256, height = 256;
-  std::uint32_t spp = 1;       ///< samples per pixel: through the centre if there is one, else jittered
-  std::uint32_t gather = 256;  ///< irradiance_cache: rays per record
-  std::uint32_t vpls = 256;    ///< integrators by virtual point lights: how many
-  float a = 0.2f;              ///< accuracy of the cache
+  std::uint32_t spp = 1;            ///< samples per pixel: through the centre if there is one, else jittered
+  std::uint32_t light_samples = 1;  ///< estimates of direct light per sample of a pixel
+  std::uint32_t gather = 256;       ///< irradiance_cache: rays per record
+  std::uint32_t vpls = 256;         ///< integrators by virtual point lights: how many
+  float a = 0.2f;                   ///< accuracy of the cache
   TileOrder tiles = TileOrder::morton;
   std::uint64_t seed = 0;
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
@@ -38,6 +39,7 @@ struct FrameCost {
   double seconds_indirect = 0.0;  ///< of the integrator's own pass, with all that it prepares and merges
   RayCounts rays;
   PassFigures pass;
+  unsigned threads = 1;
 };
 
 class FrameRenderer {
