@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""README's sheet of all scenes, rendered by the program: some five minutes on 2 cores."""
+"""README's sheet of all scenes, rendered by the program: some six minutes on 2 cores."""
 from __future__ import annotations
 
 import argparse
@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 kRoot = Path(__file__).resolve().parent.parent
 kColumns, kWidth, kHeight, kGap, kLabel = 4, 320, 240, 10, 28  # a cell's picture, and round it, pixels
 kFontSize, kQuality = 19, 86
-kVpls = "4096"  # fewer leave bright spots in corners
+kVpls = "4096"  # fewer leave brighter spots in corners
 
 
 @dataclass(frozen=True)
