@@ -95,7 +95,7 @@ TEST(RenderVpl, GathersWithCompensationConvergeToPathTracedIrradianceAndClamping
     const char* name = is_furnace ? "white_furnace" : "cornell_box";
     const std::vector<Hit> hits = reflecting_hits(rays, 12);
     // A clamp that takes much, so that a compensation at fault shows.
-    const float clamp = 0.0016f * vpl_clamp(rays.scene().bounds);
+    const float clamp = 0.01f * vpl_clamp(rays.scene().bounds);
     Tracer tracer(rays);
     std::array<Estimate, 3> whole, taken, difference;
     for (std::uint64_t seed = 0; seed < 200; ++seed) {

@@ -26,7 +26,7 @@
 namespace icbench {
 
 /// The clamp of a scene as a share of its diagonal: G is bounded where two facing surfaces are this far apart.
-inline constexpr float kClampShare = 0.02f;
+inline constexpr float kClampShare = 0.05f;
 
 /// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
 float vpl_clamp(const Bounds& bounds) noexcept;
