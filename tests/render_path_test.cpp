@@ -137,7 +137,7 @@ TEST(RenderPath, PicturesDoNotDependOnThreadsOrTileOrder) {
 TEST(RenderIntegrators, NoPixelIsNegativeOrNotFinite) {
   for (const SceneEntry& scene : kScenes) {
     const RayTracer rays(make_scene(scene.name));
-    constexpr int kSize = 48;
+    constexpr int kSize = 24;
     for (const IntegratorEntry& integrator : kIntegrators) {
       if (integrator.needs_cache()) continue;
       const Image image = picture(rays, integrator, kSize, 4, {}, TileOrder::morton, 2);
