@@ -13,7 +13,7 @@ namespace icbench {
 
 struct Animation {
   std::string_view scene;
-  std::uint32_t vpls;  ///< at which the picture's visible error has levelled off (bench/tables)
+  std::uint32_t vpls;  ///< the same for all: not yet what bench/tables chooses for each
   double
       igi_over_tic;    ///< to be reached, indirect time: Dubla 2012, table 6.4, or 25 where that is asked for
   double ic_over_tic;  ///< the same, of static instant caching

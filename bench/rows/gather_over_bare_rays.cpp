@@ -1,6 +1,4 @@
 // How much of Embree's speed is left when rays are generated, hits shaded and paths continued around it.
-#include <chrono>
-
 #include "render/gather.h"
 #include "rows/rows.h"
 #include "scene/registry.h"
@@ -35,13 +33,6 @@ class GatherOverBareRays : public Experiment {
   }
 
  private:
-  template <class F>
-  static double seconds(F&& f) {
-    const auto start = std::chrono::steady_clock::now();
-    f();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  }
-
   RayTracer rays_;
   Tracer tracer_;
   std::uint64_t seed_;

@@ -3,6 +3,7 @@
 // Adding a figure: one file in this folder with an Experiment, one entry in rows.h.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -29,6 +30,14 @@ struct Machine {
       throw std::runtime_error("cannot pin the measuring thread: " + error.message());
   }
 };
+
+/// Wall time of f(), seconds.
+template <class F>
+double seconds(F&& f) {
+  const auto start = std::chrono::steady_clock::now();
+  f();
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
 
 /// One sample of a row: a ratio, or the reason why this one does not count.
 struct Sample {

@@ -1,7 +1,6 @@
 // How much of Embree's speed is left to a gather from virtual point lights: its shadow rays against the same rays in
 // bare loops of single rays and of packets, whichever is fastest.
 #include <algorithm>
-#include <chrono>
 
 #include "render/vpl_gather.h"
 #include "rows/animations.h"
@@ -46,13 +45,6 @@ class VplGatherOverBareRays : public Experiment {
   }
 
  private:
-  template <class F>
-  static double seconds(F&& f) {
-    const auto start = std::chrono::steady_clock::now();
-    f();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  }
-
   RayTracer rays_;
   Tracer tracer_;
   VplSet vpls_;
