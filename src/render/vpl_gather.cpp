@@ -65,8 +65,8 @@ std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
 }
 
 std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, const WordOfVpls& v,
-                      std::uint64_t which, Packing packing) noexcept {
-  const std::uint64_t asked = which & facing(hit, v);
+                      Packing packing, Shapes shapes) noexcept {
+  const std::uint64_t asked = facing(hit, v);
   if (asked == 0) return 0;
   const float epsilon = tracer.shared().epsilon();
   alignas(64) float x[kWord], y[kWord], z[kWord];
@@ -75,14 +75,14 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
     y[i] = v.py[i] + epsilon * v.ny[i];
     z[i] = v.pz[i] + epsilon * v.nz[i];
   }
-  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing);
+  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing, shapes);
 }
 
 // A few slots of many words, asked for together: packets are full that way.
 class Asked {
  public:
-  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits) noexcept
-      : tracer_(tracer), from_(from), bits_(bits), epsilon_(tracer.shared().epsilon()) {}
+  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits, Shapes shapes) noexcept
+      : tracer_(tracer), from_(from), bits_(bits), shapes_(shapes), epsilon_(tracer.shared().epsilon()) {}
 
   void ask(const WordOfVpls& v, std::size_t word, std::size_t i) noexcept {
     x_[count_] = v.px[i] + epsilon_ * v.nx[i];
@@ -96,7 +96,7 @@ class Asked {
   void answer() noexcept {
     if (count_ == 0) return;
     const std::uint64_t all = count_ == kWord ? ~std::uint64_t{0} : (std::uint64_t{1} << count_) - 1;
-    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact);
+    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact, shapes_);
     for (; seen != 0; seen &= seen - 1) {
       const std::uint32_t slot = slot_[std::countr_zero(seen)];
       bits_[slot / kWord] |= std::uint64_t{1} << slot % kWord;
@@ -108,6 +108,7 @@ class Asked {
   Tracer& tracer_;
   glm::vec3 from_;
   std::span<std::uint64_t> bits_;
+  Shapes shapes_;
   float epsilon_;
   std::size_t count_ = 0;
   alignas(64) float x_[kWord], y_[kWord], z_[kWord];
@@ -168,16 +169,17 @@ float vpl_clamp(const Bounds& bounds) noexcept {
   return 1.0f / (near * near);
 }
 
-void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<std::uint64_t> bits) noexcept {
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
+                      Packing packing, Shapes shapes) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   for (std::size_t w = 0; w < vpls.words(); ++w)
-    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0}, Packing::exact);
+    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), packing, shapes);
 }
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept {
-  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits);
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
+                      Shapes shapes) noexcept {
+  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits, shapes);
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     if (which[w] == 0) continue;
     const WordOfVpls v(vpls, w);
@@ -201,7 +203,7 @@ Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, fl
   Sum sum;
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     const WordOfVpls v(vpls, w);
-    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}, packing), hit.p, hit.n, clamp);
+    sum.add(v, visible(tracer, from, hit, v, packing, Shapes::all), hit.p, hit.n, clamp);
   }
   return sum.irradiance();
 }

@@ -10,7 +10,7 @@
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced with
 // it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
 // traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no ray
-// and has bit 0.
+// and has bit 0. What stands still and what moves can be asked apart: the bits of a fresh evaluation are the "and".
 //
 // Costs: a shadow ray per slot above both horizons; about a nanosecond a slot beside them.
 #pragma once
@@ -31,14 +31,15 @@ inline constexpr float kClampShare = 0.05f;
 /// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
 float vpl_clamp(const Bounds& bounds) noexcept;
 
-/// Sets bits[w] for all words, a bit per slot: 1 if the VPL in slot 64 w + i sees the point. bits.size() is
-/// vpls.words().
-void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<std::uint64_t> bits) noexcept;
+/// Sets bits[w] for all words, a bit per slot: 1 if nothing of these shapes lies between the point and the VPL in slot
+/// 64 w + i. bits.size() is vpls.words().
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
+                      Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
-/// The same for the slots in `which` alone; other bits stay as they are.
+/// The same for the slots in `which` alone, in exact packing; other bits stay as they are.
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept;
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
+                      Shapes shapes = Shapes::all) noexcept;
 
 /// Irradiance, W/m^2, from the VPLs whose bit is set, of which each lies above both horizons. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
