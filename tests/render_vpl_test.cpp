@@ -103,7 +103,7 @@ TEST(RenderVpl, GathersWithCompensationConvergeToPathTracedIrradianceAndClamping
       const glm::dvec3 E = mean_over(
           hits, [&](const Hit& hit, std::size_t) { return gather_vpls(tracer, hit, set.vpls(), clamp); });
       const glm::dvec3 rest = mean_over(hits, [&](const Hit& hit, std::size_t i) {
-        return compensate(tracer, hit, clamp, 4, hash_keys(seed, i)).E;
+        return compensate(tracer, hit, set.vpls(), clamp, 4, hash_keys(seed, i)).E;
       });
       const glm::dvec3 path = mean_over(hits, [&](const Hit& hit, std::size_t i) {
         Pcg32 random(hash_keys(seed, i, 77));
@@ -339,7 +339,7 @@ TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
       }
     }
   }
-  EXPECT_EQ(compensate(tracer, hit, 1.0f, 0, 1).E, glm::vec3(0.0f));
+  EXPECT_EQ(compensate(tracer, hit, VplArrays(), 1.0f, 0, 1).E, glm::vec3(0.0f));
 }
 
 TEST(RenderVpl, ADarkSceneHasNoVplsAndAsksNothing) {

@@ -44,7 +44,7 @@ Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Visible& x
   DistanceCodes distances;
   radius_.trace(tracer, point, RadiusRays::kAll, distances);
   const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast) +
-                       compensate_record(tracer, point, clamp_, Packing::fast).E;
+                       compensate_record(tracer, point, vpls_.vpls(), clamp_, Packing::fast).E;
   return {point.p, point.n, radius_.radius(distances), E, names_(x, key)};
 }
 

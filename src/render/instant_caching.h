@@ -33,10 +33,10 @@ inline Hit record_point(const Hit& hit) noexcept {
 /// What a record's compensation is drawn from: its place.
 std::uint64_t compensation_key(const glm::vec3& p) noexcept;
 
-inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp,
+inline Compensation compensate_record(Tracer& tracer, const Hit& point, const VplArrays& vpls, float clamp,
                                       Packing packing = Packing::exact,
                                       std::uint64_t which = ~std::uint64_t{0}) noexcept {
-  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing, which);
+  return compensate(tracer, point, vpls, clamp, kRecordCompensation, compensation_key(point.p), packing, which);
 }
 
 /// Traces paths of a set anew, by a crew.

@@ -35,7 +35,7 @@ class InstantGiPass final : public IndirectPass {
 Irradiance instant_irradiance(Tracer& tracer, const Visible& x, const VplArrays& vpls,
                               const VplShading& shading, const SampleKey& key) noexcept {
   return gather_vpls(tracer, x.hit, vpls, shading.clamp, Packing::fast) +
-         compensate(tracer, x.hit, shading.clamp, shading.compensation, x.key(key, Purpose::gather),
+         compensate(tracer, x.hit, vpls, shading.clamp, shading.compensation, x.key(key, Purpose::gather),
                     Packing::fast)
              .E;
 }
