@@ -359,7 +359,7 @@ Image instant_gi(const RayTracer& rays, const PrimaryHits& primary, const VplSet
                  const VplShading& shading, TileOrder order = TileOrder::scanline, int threads = 1) {
   Image out = blank(primary.width, primary.height);
   for_tiles(rays, primary.width, primary.height, order, threads, [&](Tracer& tracer, const Tile& tile) {
-    instant_gi_tile(tracer, primary, set.vpls(), shading, {.seed = 3}, tile, out);
+    instant_gi_tile(tracer, primary, set.vpls(), shading, tile, out);
   });
   return out;
 }
@@ -408,7 +408,7 @@ TEST(RenderInterleaved, WithOneGroupAndNoFilterItIsInstantGlobalIllumination) {
     std::vector<Irradiance> E(primary.hits.size());
     Image out = blank(24, 24);
     for_tiles(rays, 24, 24, TileOrder::scanline, 1, [&](Tracer& tracer, const Tile& tile) {
-      interleaved_tile(tracer, primary, set.vpls(), groups, shading, {.seed = 3}, tile, E, out);
+      interleaved_tile(tracer, primary, set.vpls(), groups, shading, tile, E, out);
     });
     for (const Tile& tile : make_tiles(24, 24, 7, TileOrder::scanline))
       filter_tile(rays, primary, E, 1, 1.0f, tile, out);

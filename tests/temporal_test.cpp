@@ -134,7 +134,7 @@ class Film {
       radius.trace(tracer, point, RadiusRays::kAll, codes);
       const Packing packing = record_packing(rays, hit.mesh);
       const Irradiance E = gather_vpls(tracer, point, vpls.vpls(), clamp, packing) +
-                           compensate_record(tracer, point, vpls.vpls(), clamp, packing).E;
+                           compensate_record(tracer, point, vpls, clamp, packing).E;
       const Record expected{point.p, point.n, radius.radius(codes), E, r.id};
       if (r.R != expected.R) first = "radius";
       if (std::memcmp(&r.E, &E, sizeof E) != 0) first = "irradiance";

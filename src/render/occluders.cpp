@@ -106,7 +106,8 @@ void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
   part.shift = at.pose.shift;
   part.centre = 0.5f * (at.box.lower + at.box.upper);
   part.half = 0.5f * (at.box.upper - at.box.lower);
-  const glm::mat3& m = part.to_object;  // a step of `pad` in the world is this long in the shape's own space, at most
+  const glm::mat3& m =
+      part.to_object;  // a step of `pad` in the world is this long in the shape's own space, at most
   part.half += pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
   parts_.push_back(part);
 }

@@ -146,7 +146,7 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   if (c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id)) {
     const bool all = nearby || packing == Packing::fast;
     const Compensation added =
-        compensate_record(tracer, point, vpls_.vpls(), clamp_, packing, all ? ~std::uint64_t{0} : r.met);
+        compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
     r.E = irradiance_from(see_anew(tracer, w, c, point, id), point, vpls_.vpls(), clamp_) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
   }
@@ -262,7 +262,7 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   const bool apart = packing == Packing::exact;
   trace_visibility(tracer, point, vpls, open, packing, apart ? Shapes::still : Shapes::all);
   const std::span<const std::uint64_t> seen = apart ? unhidden(tracer, w, point, open) : open;
-  const Compensation added = compensate_record(tracer, point, vpls, clamp_, packing);
+  const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
   r.E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
   return {point.p, point.n, radius_.radius(r.distances), r.E, id};

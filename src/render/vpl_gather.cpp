@@ -171,9 +171,29 @@ float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, flo
 }
 
 constexpr std::uint32_t kAskedVpls = 4;  // a packet
+constexpr std::uint32_t kProposals = 8;  // light samples of which one is asked
+
+float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
+
+// Irradiance from the lamps, weighted as propose_light does: of a few samples one is asked, drawn by what it would send if
+// nothing lay between (importance resampling, Talbot et al. 2005). Where there are many lamps that spares most noise.
+Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) noexcept {
+  LightProposal proposals[kProposals];
+  float sends[kProposals], total = 0.0f;
+  for (std::uint32_t k = 0; k < kProposals; ++k) {
+    sends[k] = propose_light(tracer.shared(), at, q, random, proposals[k]) ? sum_of(proposals[k].E) : 0.0f;
+    total += sends[k];
+  }
+  const float target = random.uniform() * total;
+  std::uint32_t k = 0;
+  for (float below = sends[0]; k + 1 < kProposals && !(target < below);) below += sends[++k];
+  if (!(sends[k] > 0.0f && total < kMaxIrradiance) || tracer.occluded(proposals[k].shadow))
+    return glm::vec3(0.0f);
+  return total / kProposals * (proposals[k].E / sends[k]);
+}
 
 // Irradiance from all VPLs, clamped, by a few of one word drawn at random, each drawn by what it would send if nothing lay
-// between (importance resampling, Talbot et al. 2005).
+// between.
 Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp, Packing packing,
                        Pcg32& random) noexcept {
   const auto words = static_cast<float>(vpls.words());
@@ -195,7 +215,8 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   }
   float total = 0.0f;
   for (const float s : sends) total += s;
-  if (!(total > 0.0f && total < kMaxIrradiance)) return glm::vec3(0.0f);  // or beyond what a float can be summed to
+  if (!(total > 0.0f && total < kMaxIrradiance))
+    return glm::vec3(0.0f);  // or beyond what a float can be summed to
 
   // Systematic: the u-th part of every quarter of the total.
   const float epsilon = tracer.shared().epsilon();
@@ -231,10 +252,8 @@ Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float cl
   for (;;) {
     const float q = kGoOn * survival(weight);
     if (!(q > 0.0f)) return E;
-    LightProposal proposal;
-    if (propose_light(rays, at, q, random, proposal) && !tracer.occluded(proposal.shadow))
-      E += weight * proposal.E;
-    E += weight * sample_vpls(tracer, at, vpls, clamp, packing, random);
+    E += weight *
+         (sample_lamps(tracer, at, q, random) + sample_vpls(tracer, at, vpls, clamp, packing, random));
 
     if (!(random.uniform() < q)) return E;
     const float u_elevation = random.uniform(), u_azimuth = random.uniform();
