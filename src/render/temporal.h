@@ -27,7 +27,7 @@
 // begins. So their number stays below twice the number in use, and a frame's new ones, for ever; between such frames
 // queries tell nothing and nothing is paid for.
 //
-// Memory beside the cache's: 64 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
+// Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
 #pragma once
 
 #include <atomic>
