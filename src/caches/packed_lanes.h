@@ -1,0 +1,167 @@
+// Lanes: what a cell of the packed octree knows of a record, 12 bytes of it, and the test that needs no more.
+//
+// A lane holds the record's place to 10 bits an axis of four cells' width, its normal to 8 bits an axis, its reach as a
+// float of 8 bits, and its index. `keeps` tells from that whether the record may be valid at a point. It is conservative:
+// it never turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h).
+// So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
+// do the same operations in single precision, each correctly rounded.
+//
+// Units. Positions are in grid units (core/octree.h); a step is 2^-8 of the cell's side. Reach is a_max R.
+//
+// Why it is conservative. With u = |p - p_i| / (a_max R), valid means a_max u + sqrt(bend) < a in single precision,
+// that is |p - p_i| < reach (a - sqrt(bend)) / a_max. Of the quantities in this
+//
+//   distance   errs by half a step an axis, 0.87 steps, for the lane's place; by 0.44 grid units an axis for the scaling
+//              of both positions and the validity test itself (core/octree.h), 0.77 in all. kSlackSteps and kSlackUnits
+//              are more, and are given to the right-hand side.
+//   reach      is rounded up; 0xff stands for a reach or place that cannot be expressed: kept whatever the distance.
+//   bend       1 - n.n_i errs by sqrt(3) / 2 / 127 < kNormalSlack for the lane's normal, which is taken off.
+//   a / a_max  is enlarged by a share of kRoundingSlack, worth a hundred roundings.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <glm/vec3.hpp>
+
+#include "core/arena.h"
+#include "core/octree.h"
+
+namespace icbench {
+
+/// Steps of a lane's place that make a cell's side, as a power of two.
+inline constexpr int kStepBits = 8;
+/// Most that a record's reach may be, in sides of the cell its lane lies in.
+inline constexpr float kLaneMargin = 1.5f;
+
+/// A record as a cell knows it.
+struct Lane {
+  std::uint32_t place;  ///< x, y, z: 10 bits each, steps from kLaneMargin sides in front of the cell
+  std::uint32_t shape;  ///< x, y, z of the normal: signed bytes, in 127ths; the reach: a byte
+};
+
+/// How a lane's reach is a float's bits: exponent and four bits of mantissa, from 2^-2 steps on.
+inline constexpr int kReachShift = 19;
+inline constexpr std::uint32_t kReachBase = std::uint32_t{127 - 2} << 23;
+inline constexpr std::uint32_t kReachAlways = 0xff;
+/// Steps; stands for any reach.
+inline constexpr float kFarReach = 1e15f;
+
+inline constexpr float kSlackSteps = 1.0f;
+inline constexpr float kSlackUnits = 0.85f;
+inline constexpr float kNormalSlack = 0.007f;
+inline constexpr float kRoundingSlack = 1e-5f;
+
+/// The lane of a record in a cell of `level` with lower corner `corner`. `p` and `reach` in grid units.
+inline Lane make_lane(const glm::vec3& p, const glm::vec3& n, float reach, const glm::vec3& corner,
+                      int level) noexcept {
+  const float steps = std::ldexp(1.0f, kStepBits - (kMaxLevel - level));  // a grid unit
+  Lane lane{};
+  bool is_expressible = true;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float at = (p[axis] - corner[axis]) * steps + kLaneMargin * (1 << kStepBits);
+    is_expressible &= at >= 0.0f && at < 1024.0f;
+    lane.place |= static_cast<std::uint32_t>(std::clamp(at, 0.0f, 1023.0f)) << (10 * axis);
+    const float normal = std::clamp(n[axis] * 127.0f, -127.0f, 127.0f);
+    const auto byte = static_cast<std::int32_t>(normal + (normal < 0.0f ? -0.5f : 0.5f));
+    lane.shape |= (static_cast<std::uint32_t>(byte) & 0xffu) << (8 * axis);
+  }
+  const float least = std::bit_cast<float>(kReachBase);
+  const float rounded = std::min(std::max(reach * steps * (1.0f + kRoundingSlack), least), kFarReach);
+  const std::uint32_t bits = std::bit_cast<std::uint32_t>(rounded) - kReachBase;
+  const std::uint32_t code = (bits + (1u << kReachShift) - 1) >> kReachShift;
+  lane.shape |= (is_expressible ? std::min(code, kReachAlways) : kReachAlways) << 24;
+  return lane;
+}
+
+/// A query as the lanes of one cell see it.
+struct LaneQuery {
+  float x, y, z;     ///< position, steps, from where the lanes' places count
+  float nx, ny, nz;  ///< normal / 127
+  float a;           ///< a / a_max, and a little more
+  float per_bend;    ///< 1 / a_max
+  float slack;       ///< steps
+};
+
+/// What does not depend on the cell.
+inline LaneQuery make_lane_query(const glm::vec3& n, float a, float a_max) noexcept {
+  LaneQuery q{};
+  q.nx = n.x / 127.0f;
+  q.ny = n.y / 127.0f;
+  q.nz = n.z / 127.0f;
+  q.a = a / a_max * (1.0f + kRoundingSlack);
+  q.per_bend = 1.0f / a_max;
+  return q;
+}
+
+/// Puts a query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact:
+/// p lies in the cell.
+inline void move_to_cell(LaneQuery& q, const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
+  const float steps = std::ldexp(1.0f, kStepBits - (kMaxLevel - level));
+  // Half a step: a lane's place is the lower end of where it may be.
+  constexpr float kOrigin = kLaneMargin * (1 << kStepBits) - 0.5f;
+  q.x = (p.x - corner.x) * steps + kOrigin;
+  q.y = (p.y - corner.y) * steps + kOrigin;
+  q.z = (p.z - corner.z) * steps + kOrigin;
+  q.slack = kSlackSteps + kSlackUnits * steps;
+}
+
+/// Whether a lane's record may be valid.
+inline bool keeps(const LaneQuery& q, const Lane& lane) noexcept {
+  const auto place = [&](int shift) { return static_cast<float>((lane.place >> shift) & 1023u); };
+  const auto normal = [&](int shift) {
+    return static_cast<float>(static_cast<std::int32_t>(lane.shape << (24 - shift)) >> 24);
+  };
+  const float dx = q.x - place(0), dy = q.y - place(10), dz = q.z - place(20);
+  const float distance2 = dx * dx + dy * dy + dz * dz;
+  const float dot = q.nx * normal(0) + q.ny * normal(8) + q.nz * normal(16);
+  const float bend = std::max((1.0f - kNormalSlack) - dot, 0.0f);
+  const float share = q.a - std::sqrt(bend) * q.per_bend;
+  const std::uint32_t code = lane.shape >> 24;
+  const float reach =
+      code == kReachAlways ? kFarReach : std::bit_cast<float>((code << kReachShift) + kReachBase);
+  const float most = reach * share + q.slack;
+  return share > 0.0f && distance2 < most * most;
+}
+
+/// Lanes lie in chunks, in structure-of-arrays form: all places, all shapes, all indices. A cell has three chunks at
+/// most, of 16, 16 and 32 lanes, numbered through, and one bit of its mask a lane.
+inline constexpr int kChunks = 3;
+inline constexpr std::uint32_t kCellLanes = 64;
+inline constexpr std::array<std::uint32_t, kChunks + 1> kChunkBegin = {0, 16, 32, kCellLanes};
+
+inline constexpr std::uint32_t chunk_lanes(int chunk) noexcept {
+  return kChunkBegin[static_cast<std::size_t>(chunk) + 1] - kChunkBegin[static_cast<std::size_t>(chunk)];
+}
+inline constexpr int chunk_of(std::uint32_t lane) noexcept {
+  return lane < kChunkBegin[1] ? 0 : lane < kChunkBegin[2] ? 1 : 2;
+}
+
+/// The chunks of one cell. Lanes outside the mask may be written by others just now and must not be loaded.
+struct CellLanes {
+  std::array<const std::uint32_t*, kChunks> chunk;  ///< valid where the mask has bits
+  std::uint64_t mask;
+};
+
+/// Room that a filter needs in its output: all lanes of a cell, and a vector written whole.
+inline constexpr std::uint32_t kFilterRoom = kCellLanes + 16;
+
+/// Writes the indices of all lanes that `keeps` keeps to `out`, which has room for kFilterRoom; returns how many.
+using LaneFilter = std::uint32_t (*)(const CellLanes& cell, const LaneQuery& q, UnitIndex* out);
+
+/// One lane after the other.
+inline std::uint32_t filter_lanes_scalar(const CellLanes& cell, const LaneQuery& q, UnitIndex* out) {
+  std::uint32_t kept = 0;
+  for (std::uint64_t rest = cell.mask; rest != 0; rest &= rest - 1) {
+    const auto lane = static_cast<std::uint32_t>(std::countr_zero(rest));
+    const int c = chunk_of(lane);
+    const std::uint32_t n = chunk_lanes(c), i = lane - kChunkBegin[static_cast<std::size_t>(c)];
+    const std::uint32_t* words = cell.chunk[static_cast<std::size_t>(c)];
+    if (keeps(q, {words[i], words[n + i]})) out[kept++] = words[2 * n + i];
+  }
+  return kept;
+}
+
+}  // namespace icbench
