@@ -13,7 +13,7 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using Words = hn::CappedTag<std::uint32_t, 16>;
+using Words = hn::CappedTag<std::uint32_t, kStripLanes>;
 using Ints = hn::RebindToSigned<Words>;
 using Floats = hn::RebindToFloat<Words>;
 using Word = hn::Vec<Words>;
@@ -34,14 +34,18 @@ constexpr bool kHasMaskedLoads = HWY_TARGET <= HWY_AVX2;  // the better targets 
 #endif
 #undef ICBENCH_COPY_LANES
 
-/// The words of the lanes in `bits`, zero elsewhere; all of them are in `is_full`.
-HWY_INLINE Word load(const std::uint32_t* from, std::uint64_t bits, hn::Mask<Words> mask, bool is_full) {
+/// The words of the lanes in `bits`, anything elsewhere.
+HWY_INLINE Word load(const std::uint32_t* from, [[maybe_unused]] std::uint64_t bits,
+                     [[maybe_unused]] hn::Mask<Words> mask) {
   const Words words;
-  if (is_full) return hn::Load(words, from);
-  if constexpr (kHasMaskedLoads) return hn::MaskedLoad(mask, words, from);
-  HWY_ALIGN std::uint32_t copy[16] = {};
-  for (; bits != 0; bits &= bits - 1) copy[std::countr_zero(bits)] = from[std::countr_zero(bits)];
-  return hn::Load(words, copy);
+  if constexpr (kHasMaskedLoads) {
+    return hn::MaskedLoad(mask, words, from);
+  } else {
+    if (bits == ~std::uint64_t{0} >> (64 - hn::Lanes(words))) return hn::LoadU(words, from);
+    HWY_ALIGN std::uint32_t copy[kStripLanes] = {};
+    for (; bits != 0; bits &= bits - 1) copy[std::countr_zero(bits)] = from[std::countr_zero(bits)];
+    return hn::Load(words, copy);
+  }
 }
 
 template <int kShift>
@@ -79,28 +83,20 @@ HWY_INLINE hn::Mask<Floats> keeps_of(const LaneQuery& q, Word place, Word shape)
   return hn::And(hn::Gt(share, hn::Zero(floats)), hn::Lt(distance2, hn::Mul(most, most)));
 }
 
-std::uint32_t filter_lanes(const CellLanes& cell, const LaneQuery& query, UnitIndex* out) {
+// Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
+std::uint32_t filter_lanes(const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
-  const std::uint64_t all = ~std::uint64_t{0} >> (64 - lanes);
-  const LaneQuery q = query;  // out may not alias it
   std::uint32_t kept = 0;
-  for (int k = 0; k < kChunks; ++k) {
-    const std::uint32_t begin = kChunkBegin[static_cast<std::size_t>(k)], n = chunk_lanes(k);
-    std::uint64_t rest = cell.mask >> begin;
-    const std::uint32_t* chunk = cell.chunk[static_cast<std::size_t>(k)];
-    for (std::uint32_t i = 0; i < n; i += lanes, rest >>= lanes & 63u) {
-      const std::uint64_t bits = rest & all;
-      if (bits == 0) continue;
-      const bool is_full = bits == all;
+  for (const LaneStrip* s = strips; s != strips + n; ++s) {
+    for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
+      const std::uint64_t bits = s->bits >> i & (~std::uint64_t{0} >> (64 - lanes));
       const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
-      const Word place = load(chunk + i, bits, mask, is_full);
-      const Word shape = load(chunk + n + i, bits, mask, is_full);
-      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(q, place, shape)));
-      if (hn::AllFalse(words, keep)) continue;
-      const Word index = load(chunk + 2 * n + i, bits, mask, is_full);
-      // Whole vectors are stored; `out` has room for that (kFilterRoom).
-      hn::StoreU(hn::Compress(index, keep), words, out + kept);
+      const Word place = load(s->words + i, bits, mask);
+      const Word shape = load(s->words + s->stride + i, bits, mask);
+      const Word index = load(s->words + 2 * s->stride + i, bits, mask);
+      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(*s->query, place, shape)));
+      hn::StoreU(hn::Compress(index, keep), words, out + kept);  // the whole vector
       kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
     }
   }

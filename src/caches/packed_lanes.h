@@ -54,10 +54,15 @@ inline constexpr float kSlackUnits = 0.85f;
 inline constexpr float kNormalSlack = 0.007f;
 inline constexpr float kRoundingSlack = 1e-5f;
 
+/// Steps of a cell of `level` that make a grid unit: 2^(kStepBits - kMaxLevel + level).
+inline float steps_of_unit(int level) noexcept {
+  return std::bit_cast<float>(static_cast<std::uint32_t>(127 + kStepBits - kMaxLevel + level) << 23);
+}
+
 /// The lane of a record in a cell of `level` with lower corner `corner`. `p` and `reach` in grid units.
 inline Lane make_lane(const glm::vec3& p, const glm::vec3& n, float reach, const glm::vec3& corner,
                       int level) noexcept {
-  const float steps = std::ldexp(1.0f, kStepBits - (kMaxLevel - level));  // a grid unit
+  const float steps = steps_of_unit(level);
   Lane lane{};
   bool is_expressible = true;
   for (int axis = 0; axis < 3; ++axis) {
@@ -99,7 +104,7 @@ inline LaneQuery make_lane_query(const glm::vec3& n, float a, float a_max) noexc
 /// Puts a query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact:
 /// p lies in the cell.
 inline void move_to_cell(LaneQuery& q, const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
-  const float steps = std::ldexp(1.0f, kStepBits - (kMaxLevel - level));
+  const float steps = steps_of_unit(level);
   // Half a step: a lane's place is the lower end of where it may be.
   constexpr float kOrigin = kLaneMargin * (1 << kStepBits) - 0.5f;
   q.x = (p.x - corner.x) * steps + kOrigin;
@@ -139,27 +144,29 @@ inline constexpr int chunk_of(std::uint32_t lane) noexcept {
   return lane < kChunkBegin[1] ? 0 : lane < kChunkBegin[2] ? 1 : 2;
 }
 
-/// The chunks of one cell. Lanes outside the mask may be written by others just now and must not be loaded.
-struct CellLanes {
-  std::array<const std::uint32_t*, kChunks> chunk;  ///< valid where the mask has bits
-  std::uint64_t mask;
+/// Lanes are tested in strips of 16, which no chunk divides.
+inline constexpr std::uint32_t kStripLanes = 16;
+
+/// Lanes to test. Those outside `bits` may be written by others just now and must not be loaded.
+struct LaneStrip {
+  const std::uint32_t* words;  ///< places; shapes are `stride` further, indices once more
+  const LaneQuery* query;      ///< as their cell sees it
+  std::uint32_t stride;
+  std::uint32_t bits;  ///< of the 16 lanes, those that have been published
 };
 
-/// Room that a filter needs in its output: all lanes of a cell, and a vector written whole.
-inline constexpr std::uint32_t kFilterRoom = kCellLanes + 16;
-
-/// Writes the indices of all lanes that `keeps` keeps to `out`, which has room for kFilterRoom; returns how many.
-using LaneFilter = std::uint32_t (*)(const CellLanes& cell, const LaneQuery& q, UnitIndex* out);
+/// Writes the indices of all lanes of `n` strips that `keeps` keeps to `out`, in their order; returns how many. `out` has
+/// room for kStripLanes more than there are lanes.
+using LaneFilter = std::uint32_t (*)(const LaneStrip* strips, std::uint32_t n, UnitIndex* out);
 
 /// One lane after the other.
-inline std::uint32_t filter_lanes_scalar(const CellLanes& cell, const LaneQuery& q, UnitIndex* out) {
+inline std::uint32_t filter_lanes_scalar(const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   std::uint32_t kept = 0;
-  for (std::uint64_t rest = cell.mask; rest != 0; rest &= rest - 1) {
-    const auto lane = static_cast<std::uint32_t>(std::countr_zero(rest));
-    const int c = chunk_of(lane);
-    const std::uint32_t n = chunk_lanes(c), i = lane - kChunkBegin[static_cast<std::size_t>(c)];
-    const std::uint32_t* words = cell.chunk[static_cast<std::size_t>(c)];
-    if (keeps(q, {words[i], words[n + i]})) out[kept++] = words[2 * n + i];
+  for (const LaneStrip* s = strips; s != strips + n; ++s) {
+    for (std::uint32_t rest = s->bits; rest != 0; rest &= rest - 1) {
+      const std::uint32_t* word = s->words + std::countr_zero(rest);
+      if (keeps(*s->query, {word[0], word[s->stride]})) out[kept++] = word[2 * s->stride];
+    }
   }
   return kept;
 }

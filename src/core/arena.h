@@ -34,6 +34,7 @@ class Arena {
     if (memory == MAP_FAILED)
       fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
     base_ = static_cast<std::byte*>(memory);
+    ::madvise(memory, bytes(units_), MADV_HUGEPAGE);
   }
   ~Arena() { ::munmap(base_, bytes(units_)); }
   Arena(const Arena&) = delete;
