@@ -61,41 +61,53 @@ HWY_INLINE Float normal_of(Word shape) {
   return hn::ConvertTo(Floats(), hn::ShiftRight<24>(high));
 }
 
-/// `keeps` (caches/packed_lanes.h), operation by operation.
-HWY_INLINE hn::Mask<Floats> keeps_of(const LaneQuery& q, Word place, Word shape) {
+/// What `keeps` (caches/packed_lanes.h) takes from the query, in all lanes.
+struct Query {
+  explicit Query(const LaneQuery& q)
+      : nx(hn::Set(Floats(), q.nx)),
+        ny(hn::Set(Floats(), q.ny)),
+        nz(hn::Set(Floats(), q.nz)),
+        a(hn::Set(Floats(), q.a)),
+        per_bend(hn::Set(Floats(), q.per_bend)) {}
+  Float nx, ny, nz, a, per_bend;
+};
+
+/// `keeps`, operation by operation.
+HWY_INLINE hn::Mask<Floats> keeps_of(const Query& q, const LanePoint& at, Word place, Word shape) {
   const Words words;
   const Floats floats;
-  const Float dx = hn::Sub(hn::Set(floats, q.x), place_of<0>(place));
-  const Float dy = hn::Sub(hn::Set(floats, q.y), place_of<10>(place));
-  const Float dz = hn::Sub(hn::Set(floats, q.z), place_of<20>(place));
+  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(place));
+  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<10>(place));
+  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<20>(place));
   const Float distance2 = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
-  const Float dot = hn::Add(hn::Add(hn::Mul(hn::Set(floats, q.nx), normal_of<0>(shape)),
-                                    hn::Mul(hn::Set(floats, q.ny), normal_of<8>(shape))),
-                            hn::Mul(hn::Set(floats, q.nz), normal_of<16>(shape)));
+  const Float dot = hn::Add(hn::Add(hn::Mul(q.nx, normal_of<0>(shape)), hn::Mul(q.ny, normal_of<8>(shape))),
+                            hn::Mul(q.nz, normal_of<16>(shape)));
   const Float bend = hn::Max(hn::Sub(hn::Set(floats, 1.0f - kNormalSlack), dot), hn::Zero(floats));
-  const Float share = hn::Sub(hn::Set(floats, q.a), hn::Mul(hn::Sqrt(bend), hn::Set(floats, q.per_bend)));
+  const Float share = hn::Sub(q.a, hn::Mul(hn::Sqrt(bend), q.per_bend));
   const Word code = hn::ShiftRight<24>(shape);
   const Float expressed =
       hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
   const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
   const Float reach = hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed);
-  const Float most = hn::Add(hn::Mul(reach, share), hn::Set(floats, q.slack));
+  const Float most = hn::Add(hn::Mul(reach, share), hn::Set(floats, at.slack));
   return hn::And(hn::Gt(share, hn::Zero(floats)), hn::Lt(distance2, hn::Mul(most, most)));
 }
 
 // Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
-std::uint32_t filter_lanes(const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+std::uint32_t filter_lanes(const LaneQuery& query, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
+  const Query q(query);
   std::uint32_t kept = 0;
   for (const LaneStrip* s = strips; s != strips + n; ++s) {
     for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
       const std::uint64_t bits = s->bits >> i & (~std::uint64_t{0} >> (64 - lanes));
+      if (lanes < kStripLanes && bits == 0) continue;
       const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
       const Word place = load(s->words + i, bits, mask);
       const Word shape = load(s->words + s->stride + i, bits, mask);
       const Word index = load(s->words + 2 * s->stride + i, bits, mask);
-      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(*s->query, place, shape)));
+      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(q, *s->at, place, shape)));
       hn::StoreU(hn::Compress(index, keep), words, out + kept);  // the whole vector
       kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
     }

@@ -81,45 +81,40 @@ inline Lane make_lane(const glm::vec3& p, const glm::vec3& n, float reach, const
   return lane;
 }
 
-/// A query as the lanes of one cell see it.
+/// A query, as lanes see it, but for its place.
 struct LaneQuery {
-  float x, y, z;     ///< position, steps, from where the lanes' places count
   float nx, ny, nz;  ///< normal / 127
   float a;           ///< a / a_max, and a little more
   float per_bend;    ///< 1 / a_max
-  float slack;       ///< steps
 };
 
-/// What does not depend on the cell.
 inline LaneQuery make_lane_query(const glm::vec3& n, float a, float a_max) noexcept {
-  LaneQuery q{};
-  q.nx = n.x / 127.0f;
-  q.ny = n.y / 127.0f;
-  q.nz = n.z / 127.0f;
-  q.a = a / a_max * (1.0f + kRoundingSlack);
-  q.per_bend = 1.0f / a_max;
-  return q;
+  return {n.x / 127.0f, n.y / 127.0f, n.z / 127.0f, a / a_max * (1.0f + kRoundingSlack), 1.0f / a_max};
 }
 
-/// Puts a query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact:
-/// p lies in the cell.
-inline void move_to_cell(LaneQuery& q, const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
+/// Where a query is for the lanes of one cell: steps, from where their places count.
+struct LanePoint {
+  float x, y, z;
+  float slack;
+};
+
+/// A query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact: p lies in
+/// the cell.
+inline LanePoint make_lane_point(const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
   const float steps = steps_of_unit(level);
   // Half a step: a lane's place is the lower end of where it may be.
   constexpr float kOrigin = kLaneMargin * (1 << kStepBits) - 0.5f;
-  q.x = (p.x - corner.x) * steps + kOrigin;
-  q.y = (p.y - corner.y) * steps + kOrigin;
-  q.z = (p.z - corner.z) * steps + kOrigin;
-  q.slack = kSlackSteps + kSlackUnits * steps;
+  return {(p.x - corner.x) * steps + kOrigin, (p.y - corner.y) * steps + kOrigin,
+          (p.z - corner.z) * steps + kOrigin, kSlackSteps + kSlackUnits * steps};
 }
 
 /// Whether a lane's record may be valid.
-inline bool keeps(const LaneQuery& q, const Lane& lane) noexcept {
+inline bool keeps(const LaneQuery& q, const LanePoint& at, const Lane& lane) noexcept {
   const auto place = [&](int shift) { return static_cast<float>((lane.place >> shift) & 1023u); };
   const auto normal = [&](int shift) {
     return static_cast<float>(static_cast<std::int32_t>(lane.shape << (24 - shift)) >> 24);
   };
-  const float dx = q.x - place(0), dy = q.y - place(10), dz = q.z - place(20);
+  const float dx = at.x - place(0), dy = at.y - place(10), dz = at.z - place(20);
   const float distance2 = dx * dx + dy * dy + dz * dz;
   const float dot = q.nx * normal(0) + q.ny * normal(8) + q.nz * normal(16);
   const float bend = std::max((1.0f - kNormalSlack) - dot, 0.0f);
@@ -127,15 +122,15 @@ inline bool keeps(const LaneQuery& q, const Lane& lane) noexcept {
   const std::uint32_t code = lane.shape >> 24;
   const float reach =
       code == kReachAlways ? kFarReach : std::bit_cast<float>((code << kReachShift) + kReachBase);
-  const float most = reach * share + q.slack;
+  const float most = reach * share + at.slack;
   return share > 0.0f && distance2 < most * most;
 }
 
 /// Lanes lie in chunks, in structure-of-arrays form: all places, all shapes, all indices. A cell has three chunks at
-/// most, of 16, 16 and 32 lanes, numbered through, and one bit of its mask a lane.
+/// most, of 8, 16 and 40 lanes, numbered through, and one bit of its mask a lane.
 inline constexpr int kChunks = 3;
 inline constexpr std::uint32_t kCellLanes = 64;
-inline constexpr std::array<std::uint32_t, kChunks + 1> kChunkBegin = {0, 16, 32, kCellLanes};
+inline constexpr std::array<std::uint32_t, kChunks + 1> kChunkBegin = {0, 8, 24, kCellLanes};
 
 inline constexpr std::uint32_t chunk_lanes(int chunk) noexcept {
   return kChunkBegin[static_cast<std::size_t>(chunk) + 1] - kChunkBegin[static_cast<std::size_t>(chunk)];
@@ -144,28 +139,31 @@ inline constexpr int chunk_of(std::uint32_t lane) noexcept {
   return lane < kChunkBegin[1] ? 0 : lane < kChunkBegin[2] ? 1 : 2;
 }
 
-/// Lanes are tested in strips of 16, which no chunk divides.
+/// Most lanes that are tested at once, and strips of so many in a cell.
 inline constexpr std::uint32_t kStripLanes = 16;
+inline constexpr std::uint32_t kCellStrips = 5;
 
-/// Lanes to test. Those outside `bits` may be written by others just now and must not be loaded.
+/// Neighbouring lanes of a chunk. Those outside `bits` may be written by others just now and must not be loaded.
 struct LaneStrip {
   const std::uint32_t* words;  ///< places; shapes are `stride` further, indices once more
-  const LaneQuery* query;      ///< as their cell sees it
+  const LanePoint* at;
   std::uint32_t stride;
-  std::uint32_t bits;  ///< of the 16 lanes, those that have been published
+  std::uint32_t bits;  ///< which lanes have been published
 };
 
 /// Writes the indices of all lanes of `n` strips that `keeps` keeps to `out`, in their order; returns how many. `out` has
 /// room for kStripLanes more than there are lanes.
-using LaneFilter = std::uint32_t (*)(const LaneStrip* strips, std::uint32_t n, UnitIndex* out);
+using LaneFilter = std::uint32_t (*)(const LaneQuery& q, const LaneStrip* strips, std::uint32_t n,
+                                     UnitIndex* out);
 
 /// One lane after the other.
-inline std::uint32_t filter_lanes_scalar(const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+inline std::uint32_t filter_lanes_scalar(const LaneQuery& q, const LaneStrip* strips, std::uint32_t n,
+                                         UnitIndex* out) {
   std::uint32_t kept = 0;
   for (const LaneStrip* s = strips; s != strips + n; ++s) {
     for (std::uint32_t rest = s->bits; rest != 0; rest &= rest - 1) {
       const std::uint32_t* word = s->words + std::countr_zero(rest);
-      if (keeps(*s->query, {word[0], word[s->stride]})) out[kept++] = word[2 * s->stride];
+      if (keeps(q, *s->at, {word[0], word[s->stride]})) out[kept++] = word[2 * s->stride];
     }
   }
   return kept;

@@ -5,8 +5,8 @@
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
 // Memory. A node is one cache line: its eight children, of each the node below and the cell itself, if they are there. A
-// cell, four lines, has the mask of its lanes, their count, the first 16 of them, where further chunks of 16 and 32 are,
-// and a list for what does not fit. A lane is 12 bytes of a record (caches/packed_lanes.h), tested many at once; a record
+// cell, two lines, has the mask of its lanes, their count, the first 8 of them, where further chunks of 16 and 40 are, and
+// a list for what does not fit. A lane is 12 bytes of a record (caches/packed_lanes.h), tested many at once; a record
 // is 44 bytes and its mark, read only when one of its lanes was kept. Cells without records and nodes without cells below
 // are not there, so a query waits for memory once a level, then for the cells all at once, then for the records.
 //
@@ -69,7 +69,7 @@ class Packed {
   using Marks = typename Visibility::template In<Sync>;
   using List = SlotPool<Sync, Sync, AtFirstSight, UnitIndex>;
 
-  static constexpr std::size_t kNodeBytes = 64, kCellBytes = 256, kLineBytes = 64;
+  static constexpr std::size_t kNodeBytes = 64, kCellBytes = 128, kLineBytes = 64;
   static constexpr std::uint32_t kFreedBatch = 16;
   struct Stored {
     typename Marks::Mark mark;
@@ -197,6 +197,30 @@ class Packed {
     test(walk, x, a, counters, f);
   }
 
+  /// Queries that are under way at once in a batch.
+  static constexpr std::size_t kBatch = 8;
+
+  /// `visit` for each of at most kBatch points, side by side: while one waits for memory, the others go on. Calls
+  /// f(i, record, weight), point by point. Steps are those of the visits.
+  template <class Counters, class F>
+  void visit_batch(std::span<const SurfacePoint> points, float a, Counters& counters, F&& f) noexcept {
+    std::array<Walk, kBatch> walks;
+    const std::size_t n = points.size();
+    for (std::size_t i = 0; i < n; ++i) begin(walks[i], points[i], a);
+    for (unsigned under_way = (1u << n) - 1; under_way != 0;) {
+      for (unsigned rest = under_way; rest != 0; rest &= rest - 1) {
+        const auto i = static_cast<unsigned>(std::countr_zero(rest));
+        if (!step(walks[i])) under_way &= ~(1u << i);
+      }
+    }
+    for (std::size_t i = 0; i < n; ++i) look(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) filter(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto shown = [&](const Record& r, float weight) noexcept { f(i, r, weight); };
+      test(walks[i], points[i], a, counters, shown);
+    }
+  }
+
   /// f(Record&) -> UpdateResult for every record, in parallel over the table. Quiescent.
   template <class F>
   void update(F&& f) {
@@ -294,11 +318,10 @@ class Packed {
     Atomic<std::uint64_t> mask;
     typename List::List rest;
     Atomic<std::uint32_t> count;
-    Atomic<UnitIndex> chunk[kChunks - 1];  // the second and third
-    std::uint32_t padding[9];
+    Atomic<UnitIndex> chunk[kChunks - 1];     // the second and third
     std::uint32_t lanes[3 * chunk_lanes(0)];  // the first
   };
-  static_assert(sizeof(Cell) == kCellBytes, "a cell's lanes begin at a cache line");
+  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first lanes are two cache lines");
 
   // Address space over what the capacity can need, for nodes that dropped records leave behind (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
@@ -310,7 +333,7 @@ class Packed {
   static constexpr std::size_t kUpdateGrain = 1024;
 
   static constexpr std::uint32_t chunk_lines(int chunk) noexcept {
-    return chunk_lanes(chunk) * 3 * sizeof(std::uint32_t) / kLineBytes;
+    return (chunk_lanes(chunk) * 3 * sizeof(std::uint32_t) + kLineBytes - 1) / kLineBytes;
   }
   // What a session may hold without a record in it: the rest of two pieces, and spares.
   static constexpr std::uint64_t kIdleNodes = 2 * kNodePiece + 1, kIdleCells = 2 * kCellPiece + 1,
@@ -352,7 +375,7 @@ class Packed {
   };
 
   /// A query on its way: the cells on its path, what their masks showed, and the records that lanes were kept of.
-  static constexpr std::uint32_t kMostPath = kPackedLevels + 1, kCellStrips = kCellLanes / kStripLanes;
+  static constexpr std::uint32_t kMostPath = kPackedLevels + 1;
   struct Walk {
     GridPoint u;
     glm::vec3 p;  // grid units
@@ -363,7 +386,7 @@ class Packed {
     std::uint32_t cells, strips, kept;
     std::array<Cell*, kMostPath> cell;
     std::array<int, kMostPath> cell_level;
-    std::array<LaneQuery, kMostPath> query;
+    std::array<LanePoint, kMostPath> point;
     std::array<LaneStrip, kMostPath * kCellStrips> strip;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
   };
@@ -489,6 +512,7 @@ class Packed {
     walk.cells += here != 0;
     if (below == 0 || level == kPackedLevels) return false;
     walk.next = &node(below).child[OctreeAddressing::octant(walk.u, level)];
+    __builtin_prefetch(walk.next);
     return true;
   }
 
@@ -498,8 +522,7 @@ class Packed {
       Cell& c = *walk.cell[i];
       const int level = walk.cell_level[i], shift = kMaxLevel - level;
       const PackedCell where{walk.u.x >> shift, walk.u.y >> shift, walk.u.z >> shift, level};
-      walk.query[i] = walk.q;
-      move_to_cell(walk.query[i], walk.p, where.corner(), level);
+      walk.point[i] = make_lane_point(walk.p, where.corner(), level);
       const std::uint64_t mask = c.mask.load(std::memory_order_acquire /* P6 */);
       Sync::extent(static_cast<std::uint32_t>(std::popcount(mask)));
       for (int k = 0; k < kChunks; ++k) {
@@ -509,8 +532,9 @@ class Packed {
         if (k != 0) prefetch(lanes, chunk_lines(k) * kLineBytes);
         for (std::uint32_t at_lane = 0; at_lane < size; at_lane += kStripLanes) {
           const std::uint32_t first = kChunkBegin[static_cast<std::size_t>(k)] + at_lane;
-          const auto bits = static_cast<std::uint32_t>(mask >> first & ((1u << kStripLanes) - 1));
-          walk.strip[walk.strips] = {lanes + at_lane, &walk.query[i], size, bits};
+          const auto bits =
+              static_cast<std::uint32_t>(mask >> first) & ((1u << std::min(kStripLanes, size - at_lane)) - 1);
+          walk.strip[walk.strips] = {lanes + at_lane, &walk.point[i], size, bits};
           walk.strips += bits != 0;
           for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
             for (std::uint32_t w = 0; w < 3; ++w)
@@ -523,7 +547,7 @@ class Packed {
 
   /// Collects the places of the records that lanes are kept of.
   void filter(Walk& walk) noexcept {
-    walk.kept = filter_(walk.strip.data(), walk.strips, walk.places.data());
+    walk.kept = filter_(walk.q, walk.strip.data(), walk.strips, walk.places.data());
     for (std::uint32_t k = 0; k < walk.kept; ++k) prefetch(&at(walk.places[k]), sizeof(Stored));
   }
 
@@ -534,7 +558,7 @@ class Packed {
 
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
-  void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F& f) noexcept {
+  void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
     const auto test_one = [&](UnitIndex place) {
       Stored& stored = at(place);
       if (!marks_.shows(stored.mark, walk.moment)) return;

@@ -28,6 +28,10 @@
   X(wait_free, WaitFree)            \
   X(wait_free_snapshot, WaitFreeSnapshot) \
   X(packed_sequential, PackedSequential) \
+  X(packed_global_mutex, PackedGlobalMutex) \
+  X(packed_shared_mutex, PackedSharedMutex) \
+  X(packed_spin_rw_mutex, PackedSpinRwMutex) \
+  X(packed_local_write, PackedLocalWrite) \
   X(packed_wait_free, PackedWaitFree) \
   X(packed_wait_free_snapshot, PackedWaitFreeSnapshot)
 // clang-format on
@@ -63,6 +67,14 @@ using PlainPacked = Packed<PlainSync>;
 
 template <class Counters = NoCounters>
 using PackedSequential = Direct<PlainPacked, Counters>;
+template <class Counters = NoCounters>
+using PackedGlobalMutex = Locked<PlainPacked, GlobalMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedSharedMutex = Locked<PlainPacked, SharedMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedSpinRwMutex = Locked<PlainPacked, SpinRwMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedLocalWrite = LocalWrite<Packed<StdSync>, PlainPacked, Counters>;
 template <class Counters = NoCounters>
 using PackedWaitFree = Direct<Packed<StdSync>, Counters>;
 template <class Counters = NoCounters>
