@@ -158,10 +158,10 @@ class Packed {
       : addressing_(config.bounds),
         a_max_(config.a_max),
         sessions_(config.max_sessions),
-        nodes_(kSpareRoom * config.capacity * kWorstNodes + sessions_ * kIdleNodes + 1),
-        cells_(kSpareRoom * config.capacity * kMostCells + sessions_ * kIdleCells + 1),
-        chunks_(kSpareRoom * config.capacity * kWorstLines + sessions_ * kIdleLines),
-        table_(config.capacity + 2 * sessions_ * kIdlePlaces),
+        nodes_(kSpareRoom * config.capacity * kWorstNodes + sessions_ * kIdleNodes + 1, is_large(config)),
+        cells_(kSpareRoom * config.capacity * kMostCells + sessions_ * kIdleCells + 1, is_large(config)),
+        chunks_(kSpareRoom * config.capacity * kWorstLines + sessions_ * kIdleLines, is_large(config)),
+        table_(config.capacity + 2 * sessions_ * kIdlePlaces, is_large(config)),
         list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {
     plant();
   }
@@ -350,6 +350,9 @@ class Packed {
   static bool is_empty(const Stored& s) noexcept {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
   }
+
+  /// Whether large pages are worth the time it takes to clear one.
+  static bool is_large(const CacheConfig& config) noexcept { return config.capacity >= 1u << 14; }
 
   /// The root's node and cell. Quiescent.
   void plant() noexcept {
@@ -559,19 +562,29 @@ class Packed {
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
   void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    const auto test_one = [&](UnitIndex place) {
+    const auto weigh = [&](UnitIndex place) noexcept {
       Stored& stored = at(place);
-      if (!marks_.shows(stored.mark, walk.moment)) return;
+      if (!marks_.shows(stored.mark, walk.moment)) return 0.0f;
       Sync::reads(&stored.record, sizeof stored.record);
       counters.template add<&Counts::records_read>(1);
-      const float weight = split_sphere_weight(x, stored.record, a);
-      if (weight > 0.0f) {
-        counters.template add<&Counts::records_valid>(1);
-        f(static_cast<const Record&>(stored.record), weight);
-      }
+      return likely_split_sphere_weight(x, stored.record, a);
     };
-    for (std::uint32_t i = 0; i < walk.kept; ++i) test_one(walk.places[i]);
-    for (std::uint32_t i = 0; i < walk.cells; ++i) list_.visit(walk.cell[i]->rest, list_.moment(), test_one);
+    const auto show = [&](UnitIndex place, float weight) noexcept {
+      if (!(weight > 0.0f)) return;
+      counters.template add<&Counts::records_valid>(1);
+      f(static_cast<const Record&>(at(place).record), weight);
+    };
+    // Weights of several first, one by the other's side, and then what depends on them.
+    constexpr std::uint32_t kAtOnce = 8;
+    std::array<float, kAtOnce> weights;
+    for (std::uint32_t i = 0; i < walk.kept; i += kAtOnce) {
+      const std::uint32_t n = std::min(kAtOnce, walk.kept - i);
+      for (std::uint32_t k = 0; k < n; ++k) weights[k] = weigh(walk.places[i + k]);
+      for (std::uint32_t k = 0; k < n; ++k) show(walk.places[i + k], weights[k]);
+    }
+    for (std::uint32_t i = 0; i < walk.cells; ++i)
+      list_.visit(walk.cell[i]->rest, list_.moment(),
+                  [&](UnitIndex place) noexcept { show(place, weigh(place)); });
   }
 
   /// Where a lane's words are: `stride` apart; nowhere if its chunk is missing.
