@@ -109,10 +109,10 @@ class Packed {
 
   // Step bounds (caches/session.h).
   static constexpr std::string_view kInsertBound =
-                                        Visibility::kIsSnapshot ? "48 level + 2894" : "48 level + 2892",
+                                        Visibility::kIsSnapshot ? "48 level + 2665" : "48 level + 2663",
                                     kVisitBound = Visibility::kIsSnapshot
-                                                      ? "29 + per list (13 + links + 5 slots)"
-                                                      : "28 + per list (13 + links + 2 slots)";
+                                                      ? "29 + per list (5 + links + 5 slots)"
+                                                      : "28 + per list (5 + links + 2 slots)";
   static constexpr std::uint32_t kVisitSteps = 2 * (kPackedLevels + 1) + Marks::kMomentSteps;
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
@@ -125,7 +125,7 @@ class Packed {
     constexpr std::uint32_t kCopySteps = 2 * kDescendSteps + kLaneSteps + List::kAppendSteps;
     static_assert(kTakeSteps + kMostCells * (kDescendSteps + 2) + kMostCopies * kCopySteps +
                       Marks::kPublishSteps ==
-                  (Visibility::kIsSnapshot ? 2894 : 2892));
+                  (Visibility::kIsSnapshot ? 2665 : 2663));
     return kTakeSteps + static_cast<std::uint32_t>(level) * kMostCells * kDescendSteps +
            kMostCells * (kDescendSteps + 2) + kMostCopies * kCopySteps + Marks::kPublishSteps;
   }
