@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "all_caches.h"
+#include "any_cache.h"
 #include "core/random.h"
 
 namespace icbench {
@@ -75,18 +75,18 @@ std::vector<std::uint32_t> stored(const Cache& cache) {
   return ids;
 }
 
-template <class Cache>
-class Contract : public ::testing::Test {
+/// A test of the cache that is its parameter.
+class Contract : public ::testing::TestWithParam<AnyCache::Maker> {
  protected:
-  static constexpr bool kKeeps = Cache::kTraits.consistency != Consistency::none;
-  static constexpr std::uint32_t kThreads = Cache::kTraits.single_thread ? 1 : 8;
+  static bool keeps() { return GetParam().traits.consistency != Consistency::none; }
+  static std::uint32_t threads() { return GetParam().traits.single_thread ? 1 : 8; }
 
   static CacheConfig config(std::uint32_t capacity = 20000) {
     CacheConfig c;
     c.a_max = 0.4f;
     c.a = 0.3f;
     c.capacity = capacity;
-    c.max_sessions = kThreads;
+    c.max_sessions = threads();
     return c;
   }
 };

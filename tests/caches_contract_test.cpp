@@ -8,11 +8,11 @@
 namespace icbench {
 namespace {
 
-TYPED_TEST_SUITE(Contract, AllCaches, CacheNames);
+INSTANTIATE_TEST_SUITE_P(AllCaches, Contract, ::testing::ValuesIn(registered_caches()), cache_name);
 
-TYPED_TEST(Contract, SeesExactlyTheValidRecords) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
-  TypeParam cache(this->config());
+TEST_P(Contract, SeesExactlyTheValidRecords) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   const auto records = random_records(3000, 1);
   for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted);
@@ -27,8 +27,8 @@ TYPED_TEST(Contract, SeesExactlyTheValidRecords) {
   EXPECT_GT(most, 5u) << "the test's records hardly overlap";
 }
 
-TYPED_TEST(Contract, QueryInterpolatesWhatVisitShows) {
-  TypeParam cache(this->config());
+TEST_P(Contract, QueryInterpolatesWhatVisitShows) {
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   for (const Record& r : random_records(1000, 3)) session.insert(r);
   Pcg32 rng(4);
@@ -48,8 +48,8 @@ TYPED_TEST(Contract, QueryInterpolatesWhatVisitShows) {
   }
 }
 
-TYPED_TEST(Contract, BatchAnswersAsSingleQueries) {
-  TypeParam cache(this->config());
+TEST_P(Contract, BatchAnswersAsSingleQueries) {
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   for (const Record& r : random_records(1000, 5)) session.insert(r);
   Pcg32 rng(6);
@@ -61,10 +61,10 @@ TYPED_TEST(Contract, BatchAnswersAsSingleQueries) {
   for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(out[i], session.query(points[i])) << i;
 }
 
-TYPED_TEST(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kCapacity = 1000;
-  TypeParam cache(this->config(kCapacity));
+  AnyCache cache(GetParam(), config(kCapacity));
   auto session = cache.open_session(0);
   const auto records = random_records(kCapacity + 200, 7);
   for (std::uint32_t i = 0; i < records.size(); ++i) {
@@ -81,17 +81,17 @@ TYPED_TEST(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {
   EXPECT_EQ(session.insert(records[0]), InsertResult::inserted) << "clear makes room";
 }
 
-TYPED_TEST(Contract, ClearForgetsAndSessionsSurvive) {
-  TypeParam cache(this->config());
+TEST_P(Contract, ClearForgetsAndSessionsSurvive) {
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   for (std::uint32_t round = 0; round < 3; ++round) {
     const auto records = random_records(800, 10 + round, 1000 * round);
     for (const Record& r : records) session.insert(r);
-    if (TestFixture::kKeeps) {
+    if (keeps()) {
       EXPECT_EQ(stored(cache).size(), 800u);
     }
     const SurfacePoint x{{0.5f, 0.5f, 0.0f}, {0, 0, 1}};
-    if (TestFixture::kKeeps) {
+    if (keeps()) {
       EXPECT_EQ(seen(session, x), oracle(records, x, cache.config().a));
     }
     cache.clear();
@@ -100,11 +100,11 @@ TYPED_TEST(Contract, ClearForgetsAndSessionsSurvive) {
   }
 }
 
-TYPED_TEST(Contract, FramesMakeEveryRecordVisibleToEverySession) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
-  TypeParam cache(this->config());
-  std::vector<typename TypeParam::Session> sessions;
-  for (std::uint32_t t = 0; t < TestFixture::kThreads; ++t) sessions.push_back(cache.open_session(t));
+TEST_P(Contract, FramesMakeEveryRecordVisibleToEverySession) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  std::vector<AnyCache::Session> sessions;
+  for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
   std::vector<Record> all;
   for (std::uint32_t frame = 0; frame < 3; ++frame) {
     cache.begin_frame();
@@ -121,9 +121,9 @@ TYPED_TEST(Contract, FramesMakeEveryRecordVisibleToEverySession) {
   }
 }
 
-TYPED_TEST(Contract, OwnInsertsAreSeenAtOnce) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
-  TypeParam cache(this->config());
+TEST_P(Contract, OwnInsertsAreSeenAtOnce) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   for (const Record& r : random_records(500, 40)) {
     session.insert(r);
@@ -132,9 +132,9 @@ TYPED_TEST(Contract, OwnInsertsAreSeenAtOnce) {
   }
 }
 
-TYPED_TEST(Contract, UpdateKeepsChangesAndDrops) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
-  TypeParam cache(this->config());
+TEST_P(Contract, UpdateKeepsChangesAndDrops) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   std::vector<Record> records = random_records(3000, 50);
   for (const Record& r : records) session.insert(r);
@@ -171,10 +171,10 @@ TYPED_TEST(Contract, UpdateKeepsChangesAndDrops) {
   }
 }
 
-TYPED_TEST(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kCapacity = 400;
-  TypeParam cache(this->config(kCapacity));
+  AnyCache cache(GetParam(), config(kCapacity));
   auto session = cache.open_session(0);
   const auto records = random_records(kCapacity, 60);
   for (int frame = 0; frame < 50; ++frame) {
@@ -185,10 +185,10 @@ TYPED_TEST(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
   }
 }
 
-TYPED_TEST(Contract, DroppedRecordsMakeRoomBetweenMergesToo) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(Contract, DroppedRecordsMakeRoomBetweenMergesToo) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kCapacity = 400;
-  TypeParam cache(this->config(kCapacity));
+  AnyCache cache(GetParam(), config(kCapacity));
   auto session = cache.open_session(0);
   for (int round = 0; round < 20; ++round) {
     for (const Record& r : random_records(kCapacity, 65 + static_cast<std::uint64_t>(round))) {
@@ -198,23 +198,23 @@ TYPED_TEST(Contract, DroppedRecordsMakeRoomBetweenMergesToo) {
   }
 }
 
-TYPED_TEST(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   // Small pools, tiny radii (a path of nodes for each record) and pieces of memory left over in every session: what was
   // accepted must still fit wherever it is merged or moved to.
   constexpr std::uint32_t kCapacity = 512;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     Pcg32 rng(hash_keys(seed, 90));
-    TypeParam cache(this->config(kCapacity));
-    std::vector<typename TypeParam::Session> sessions;
-    for (std::uint32_t t = 0; t < TestFixture::kThreads; ++t) sessions.push_back(cache.open_session(t));
+    AnyCache cache(GetParam(), config(kCapacity));
+    std::vector<AnyCache::Session> sessions;
+    for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
     std::vector<std::uint32_t> expected;
     std::uint32_t next_id = 0;
     for (int step = 0; step < 12; ++step) {
       for (std::uint32_t i = rng.below(kCapacity); i > 0; --i) {
         const SurfacePoint x = random_surface_point(rng);
         const float R = std::exp2(-30.0f * rng.uniform());
-        auto& session = sessions[rng.below(TestFixture::kThreads)];
+        auto& session = sessions[rng.below(threads())];
         if (session.insert(make_record(next_id, x.p, x.n, R)) == InsertResult::inserted)
           expected.push_back(next_id);
         ++next_id;
@@ -231,21 +231,21 @@ TYPED_TEST(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
   }
 }
 
-TYPED_TEST(Contract, RefusesSessionsItHasNoRoomFor) {
-  TypeParam cache(this->config());
-  EXPECT_THROW(cache.open_session(TestFixture::kThreads), std::runtime_error);
+TEST_P(Contract, RefusesSessionsItHasNoRoomFor) {
+  AnyCache cache(GetParam(), config());
+  EXPECT_THROW(cache.open_session(threads()), std::runtime_error);
   CacheConfig bad = this->config();
   bad.capacity = 0;
-  EXPECT_THROW(TypeParam{bad}, std::runtime_error);
+  EXPECT_THROW(AnyCache(GetParam(), bad), std::runtime_error);
 }
 
-TYPED_TEST(Contract, ConcurrentInsertsAreAllThereAndIntact) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(Contract, ConcurrentInsertsAreAllThereAndIntact) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kEach = 1500;
-  const std::uint32_t threads = TestFixture::kThreads;
+  const std::uint32_t threads = Contract::threads();
   // Sanitizers slow this down tenfold; the histories of stress_history_test are the longer run for them.
   for (int round = 0; round < (kSanitized ? 1 : 3); ++round) {
-    TypeParam cache(this->config(threads * kEach));
+    AnyCache cache(GetParam(), config(threads * kEach));
     std::barrier start(threads);
     std::vector<std::uint32_t> torn(threads, 0), missed(threads, 0);
     std::vector<std::vector<std::uint32_t>> accepted(threads);

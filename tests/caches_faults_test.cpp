@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "cache_contract.h"
+#include "caches/registry.h"
 #include "stress/rebind.h"
 
 namespace icbench {
@@ -69,8 +70,10 @@ struct WithFaults<PlainSync> {
 
 template <template <class> class Cache>
 using Faulty = stress::Rebound<Cache<WithCounters>, WithFaults>;
-using FaultyCaches = ::testing::Types<Faulty<Sequential>, Faulty<NodeLockCache>, Faulty<LocalWriteCache>,
-                                      Faulty<WaitFree>, Faulty<WaitFreeSnapshot>>;
+template <template <class> class Cache>
+AnyCache::Maker faulty() {
+  return tested<Faulty<Cache>>();
+}
 
 const SurfacePoint kCrowded{{0.25f, 0.5f, 0.0f}, {0, 0, 1}};
 
@@ -98,14 +101,13 @@ std::vector<std::uint32_t> ids_of(const std::vector<Record>& records) {
   return ids;
 }
 
-template <class Cache>
-class Faults : public Contract<Cache> {
+class Faults : public Contract {
  protected:
   /// Every allocation in release builds, some of them where that would take minutes.
   static constexpr std::uint64_t kStride = kSanitized ? 7 : 1;
 
   /// The cache holds exactly `expected`, and every query agrees.
-  static void expect_exactly(const Cache& cache, typename Cache::Session& session,
+  static void expect_exactly(const AnyCache& cache, AnyCache::Session& session,
                              const std::vector<Record>& expected) {
     ASSERT_EQ(stored(cache), ids_of(expected));
     ASSERT_EQ(seen(session, kCrowded), oracle(expected, kCrowded, cache.config().a));
@@ -122,13 +124,18 @@ class Faults : public Contract<Cache> {
 
   void TearDown() override { Refusals::stop(); }
 };
-TYPED_TEST_SUITE(Faults, FaultyCaches, CacheNames);
+INSTANTIATE_TEST_SUITE_P(FaultyCaches, Faults,
+                         ::testing::Values(faulty<Sequential>(), faulty<NodeLockCache>(),
+                                           faulty<LocalWriteCache>(), faulty<WaitFree>(),
+                                           faulty<WaitFreeSnapshot>(), faulty<PackedWaitFree>(),
+                                           faulty<PackedLocalWrite>()),
+                         cache_name);
 
-TYPED_TEST(Faults, OneRefusedAllocationIsOneRefusedInsert) {
+TEST_P(Faults, OneRefusedAllocationIsOneRefusedInsert) {
   const auto records = records_of_all_allocations();
-  for (std::uint64_t k = 0;; k += TestFixture::kStride) {
+  for (std::uint64_t k = 0;; k += kStride) {
     SCOPED_TRACE("allocation " + std::to_string(k));
-    TypeParam cache(this->config(2000));
+    AnyCache cache(GetParam(), config(2000));
     auto session = cache.open_session(0);
     std::vector<Record> accepted;
     std::optional<Record> refused;
@@ -142,7 +149,7 @@ TYPED_TEST(Faults, OneRefusedAllocationIsOneRefusedInsert) {
       ASSERT_EQ(result, InsertResult::full);
       ASSERT_FALSE(refused.has_value()) << "a second record";
       refused = r;
-      ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, accepted));
+      ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, accepted));
     }
     const std::uint64_t allocations = Refusals::allocations();
     Refusals::stop();
@@ -152,7 +159,7 @@ TYPED_TEST(Faults, OneRefusedAllocationIsOneRefusedInsert) {
       ASSERT_EQ(session.insert(*refused), InsertResult::inserted) << "a later insert works";
       accepted.push_back(*refused);
     }
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, accepted));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, accepted));
     if (k >= allocations) {
       // Six chunks, a directory and three blocks, and the nodes above them: all were tried.
       EXPECT_GT(allocations, 50u);
@@ -161,11 +168,11 @@ TYPED_TEST(Faults, OneRefusedAllocationIsOneRefusedInsert) {
   }
 }
 
-TYPED_TEST(Faults, NothingIsLostWhenAllLaterAllocationsAreRefused) {
+TEST_P(Faults, NothingIsLostWhenAllLaterAllocationsAreRefused) {
   const auto records = records_of_all_allocations();
-  for (std::uint64_t k = 0;; k += TestFixture::kStride) {
+  for (std::uint64_t k = 0;; k += kStride) {
     SCOPED_TRACE("from allocation " + std::to_string(k));
-    TypeParam cache(this->config(2000));
+    AnyCache cache(GetParam(), config(2000));
     auto session = cache.open_session(0);
     std::vector<Record> accepted, refused;
     Refusals::refuse(k, UINT64_MAX);
@@ -177,30 +184,30 @@ TYPED_TEST(Faults, NothingIsLostWhenAllLaterAllocationsAreRefused) {
     const std::uint64_t allocations = Refusals::allocations();
     Refusals::stop();
     ASSERT_EQ(refused.empty(), k >= allocations);
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, accepted));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, accepted));
 
     // Memory is back: the lists go on behind the slots that nobody got.
     for (const Record& r : refused) ASSERT_EQ(session.insert(r), InsertResult::inserted);
     accepted.insert(accepted.end(), refused.begin(), refused.end());
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, accepted));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, accepted));
 
     cache.end_frame();
     cache.update_records([](Record& r) { return r.id % 2 == 0 ? UpdateResult::drop : UpdateResult::keep; });
     std::erase_if(accepted, [](const Record& r) { return r.id % 2 == 0; });
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, accepted));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, accepted));
 
     cache.clear();
     for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted);
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, records));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, records));
     if (k >= allocations) break;
   }
 }
 
-TYPED_TEST(Faults, ThreadsThatRaceWithoutMemoryLoseNothing) {
+TEST_P(Faults, ThreadsThatRaceWithoutMemoryLoseNothing) {
   constexpr std::uint32_t kEach = 600;
-  const std::uint32_t threads = TestFixture::kThreads;
+  const std::uint32_t threads = Contract::threads();
   for (std::uint64_t round = 0; round < 3; ++round) {
-    TypeParam cache(this->config(2 * threads * kEach));
+    AnyCache cache(GetParam(), config(2 * threads * kEach));
     std::barrier start(threads);
     std::vector<std::uint32_t> wrong(threads, 0);
     std::vector<std::vector<Record>> accepted(threads), refused(threads);
@@ -235,10 +242,10 @@ TYPED_TEST(Faults, ThreadsThatRaceWithoutMemoryLoseNothing) {
     }
     EXPECT_FALSE(rest.empty()) << "no allocation failed";
     auto session = cache.open_session(0);
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, all));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, all));
     for (const Record& r : rest) ASSERT_EQ(session.insert(r), InsertResult::inserted);
     all.insert(all.end(), rest.begin(), rest.end());
-    ASSERT_NO_FATAL_FAILURE(this->expect_exactly(cache, session, all));
+    ASSERT_NO_FATAL_FAILURE(expect_exactly(cache, session, all));
   }
 }
 

@@ -119,21 +119,20 @@ std::vector<PointCase> point_cases() {
   return cases;
 }
 
-template <class Cache>
-class HardCases : public Contract<Cache> {};
-TYPED_TEST_SUITE(HardCases, AllCaches, CacheNames);
+class HardCases : public Contract {};
+INSTANTIATE_TEST_SUITE_P(AllCaches, HardCases, ::testing::ValuesIn(registered_caches()), cache_name);
 
-TYPED_TEST(HardCases, RecordsAreStoredOrRejectedAndNothingBetween) {
-  TypeParam cache(this->config());
+TEST_P(HardCases, RecordsAreStoredOrRejectedAndNothingBetween) {
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   const auto cases = record_cases();
   std::vector<Record> accepted;
   std::uint64_t bad = 0;
   for (const RecordCase& c : cases) {
-    const InsertResult good = TestFixture::kKeeps ? InsertResult::inserted : InsertResult::full;
+    const InsertResult good = keeps() ? InsertResult::inserted : InsertResult::full;
     EXPECT_EQ(session.insert(c.record), c.is_good ? good : InsertResult::rejected) << c.what;
     bad += !c.is_good;
-    if (c.is_good && TestFixture::kKeeps) accepted.push_back(c.record);
+    if (c.is_good && keeps()) accepted.push_back(c.record);
   }
   EXPECT_EQ(cache.counters().rejected, bad);
   cache.end_frame();
@@ -146,8 +145,8 @@ TYPED_TEST(HardCases, RecordsAreStoredOrRejectedAndNothingBetween) {
   }
 }
 
-TYPED_TEST(HardCases, QueriesAnswerWithFiniteIrradianceOrMiss) {
-  TypeParam cache(this->config());
+TEST_P(HardCases, QueriesAnswerWithFiniteIrradianceOrMiss) {
+  AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
   std::vector<Record> accepted;
   for (const RecordCase& c : record_cases()) {
@@ -170,8 +169,8 @@ TYPED_TEST(HardCases, QueriesAnswerWithFiniteIrradianceOrMiss) {
   EXPECT_EQ(cache.counters().invalid_queries, bad);
 }
 
-TYPED_TEST(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   const Bounds kBounds[] = {
       {{0.5f, 0.5f, 0.5f}, {0.5f, 0.5f, 0.5f}},              // a point
       {{-1, -1, 2}, {1, 1, 2}},                              // flat
@@ -184,7 +183,7 @@ TYPED_TEST(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
   for (const Bounds& bounds : kBounds) {
     CacheConfig config = this->config(kRecords);
     config.bounds = bounds;
-    TypeParam cache(config);
+    AnyCache cache(GetParam(), config);
     auto session = cache.open_session(0);
     const glm::vec3 size = bounds.upper - bounds.lower;
     const float side = std::max({size.x, size.y, size.z, 1e-30f});
@@ -216,11 +215,11 @@ TYPED_TEST(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
   }
 }
 
-TYPED_TEST(HardCases, HoldsItsCapacityWhateverTheRadii) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(HardCases, HoldsItsCapacityWhateverTheRadii) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   // Tiny radii far apart: every record needs a path of nodes of its own.
   constexpr std::uint32_t kCapacity = 500;
-  TypeParam cache(this->config(kCapacity));
+  AnyCache cache(GetParam(), config(kCapacity));
   auto session = cache.open_session(0);
   Pcg32 rng(9);
   for (std::uint32_t i = 0; i < kCapacity; ++i) {
@@ -230,11 +229,11 @@ TYPED_TEST(HardCases, HoldsItsCapacityWhateverTheRadii) {
   EXPECT_EQ(stored(cache).size(), kCapacity);
 }
 
-TYPED_TEST(HardCases, SeesARecordAtItsOwnPointAtTheFinestAccuracy) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(HardCases, SeesARecordAtItsOwnPointAtTheFinestAccuracy) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   CacheConfig config = this->config();
   config.a = config.a_max = kMinAccuracy;
-  TypeParam cache(config);
+  AnyCache cache(GetParam(), config);
   auto session = cache.open_session(0);
   Pcg32 rng(95);
   for (std::uint32_t i = 0; i < 5000; ++i) {
@@ -264,14 +263,14 @@ void run_on_stack(std::size_t bytes, Work& work) {
   pthread_attr_destroy(&attributes);
 }
 
-TYPED_TEST(HardCases, AHundredThousandCoincidentRecordsOnASmallStack) {
-  if (!TestFixture::kKeeps) GTEST_SKIP() << "keeps nothing";
+TEST_P(HardCases, AHundredThousandCoincidentRecordsOnASmallStack) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kRecords = 100'000;
   // Sanitizers put red zones around everything, and their own run-time library is called on the same stack.
   constexpr std::size_t kStackBytes = std::size_t{kSanitized ? 512 : 64} << 10;
   const SurfacePoint x{{0.25f, 0.5f, 0.0f}, {0, 0, 1}};
   for (const float R : {1e-12f, 0.1f, 100.0f}) {
-    TypeParam cache(this->config(kRecords));
+    AnyCache cache(GetParam(), config(kRecords));
     auto session = cache.open_session(0);
     std::uint32_t inserted = 0;
     std::vector<bool> is_seen(kRecords);
@@ -294,7 +293,7 @@ TYPED_TEST(HardCases, AHundredThousandCoincidentRecordsOnASmallStack) {
     EXPECT_NEAR(E->x / kMaxIrradiance, 1.0f, 0.01f) << "radius " << R;
     // One path of nodes, and segments of a list whose size doubles up to 256 slots; in the packed octree, whose records
     // are known in all cells that they reach, four of each: the place is on an edge between cells.
-    const std::uint64_t copies = TypeParam::kTraits.structure == "packed" ? 4 : 1;
+    const std::uint64_t copies = GetParam().traits.structure == "packed" ? 4 : 1;
     EXPECT_LE(cache.counters().nodes_allocated, copies * (kMaxLevel + kRecords / 128));
     cache.end_frame();
     auto look = [&] { session.visit(x, [&](const Record&, float) { --visits; }); };

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "cache_contract.h"
+#include "caches/registry.h"
 #include "stress/hooked_atomic.h"
 #include "stress/rebind.h"
 

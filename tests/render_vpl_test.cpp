@@ -103,7 +103,7 @@ TEST(RenderVpl, GathersWithCompensationConvergeToPathTracedIrradianceAndClamping
       const glm::dvec3 E = mean_over(
           hits, [&](const Hit& hit, std::size_t) { return gather_vpls(tracer, hit, set.vpls(), clamp); });
       const glm::dvec3 rest = mean_over(hits, [&](const Hit& hit, std::size_t i) {
-        return compensate(tracer, hit, clamp, 4, hash_keys(seed, i)).E;
+        return compensate(tracer, hit, set.vpls(), clamp, 4, hash_keys(seed, i)).E;
       });
       const glm::dvec3 path = mean_over(hits, [&](const Hit& hit, std::size_t i) {
         Pcg32 random(hash_keys(seed, i, 77));
@@ -339,7 +339,7 @@ TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
       }
     }
   }
-  EXPECT_EQ(compensate(tracer, hit, 1.0f, 0, 1).E, glm::vec3(0.0f));
+  EXPECT_EQ(compensate(tracer, hit, VplArrays(), 1.0f, 0, 1).E, glm::vec3(0.0f));
 }
 
 TEST(RenderVpl, ADarkSceneHasNoVplsAndAsksNothing) {
@@ -359,7 +359,7 @@ Image instant_gi(const RayTracer& rays, const PrimaryHits& primary, const VplSet
                  const VplShading& shading, TileOrder order = TileOrder::scanline, int threads = 1) {
   Image out = blank(primary.width, primary.height);
   for_tiles(rays, primary.width, primary.height, order, threads, [&](Tracer& tracer, const Tile& tile) {
-    instant_gi_tile(tracer, primary, set.vpls(), shading, {.seed = 3}, tile, out);
+    instant_gi_tile(tracer, primary, set.vpls(), shading, tile, out);
   });
   return out;
 }
@@ -408,7 +408,7 @@ TEST(RenderInterleaved, WithOneGroupAndNoFilterItIsInstantGlobalIllumination) {
     std::vector<Irradiance> E(primary.hits.size());
     Image out = blank(24, 24);
     for_tiles(rays, 24, 24, TileOrder::scanline, 1, [&](Tracer& tracer, const Tile& tile) {
-      interleaved_tile(tracer, primary, set.vpls(), groups, shading, {.seed = 3}, tile, E, out);
+      interleaved_tile(tracer, primary, set.vpls(), groups, shading, tile, E, out);
     });
     for (const Tile& tile : make_tiles(24, 24, 7, TileOrder::scanline))
       filter_tile(rays, primary, E, 1, 1.0f, tile, out);

@@ -132,8 +132,9 @@ class Film {
       const Hit point = record_point(hit);
       DistanceCodes codes;
       radius.trace(tracer, point, RadiusRays::kAll, codes);
-      const Irradiance E =
-          gather_vpls(tracer, point, vpls.vpls(), clamp) + compensate_record(tracer, point, clamp).E;
+      const Packing packing = record_packing(rays, hit.mesh);
+      const Irradiance E = gather_vpls(tracer, point, vpls.vpls(), clamp, packing) +
+                           compensate_record(tracer, point, vpls, clamp, packing).E;
       const Record expected{point.p, point.n, radius.radius(codes), E, r.id};
       if (r.R != expected.R) first = "radius";
       if (std::memcmp(&r.E, &E, sizeof E) != 0) first = "irradiance";

@@ -44,7 +44,7 @@ inline std::vector<Still> stills() {
 
 /// Pixels of the pictures, and the accuracy of the caches, at which the rows are measured.
 inline constexpr int kAnimationWidth = 512, kAnimationHeight = 384;
-inline constexpr float kAnimationAccuracy = 0.15f;
+inline constexpr float kAnimationAccuracy = 0.1f;
 
 /// Indirect time of a frame by an integrator over that by temporal instant caching. A sample is one frame of the
 /// animation, rendered by both.

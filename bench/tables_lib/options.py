@@ -143,7 +143,7 @@ def parse(arguments: list[str]) -> Settings:
     parser.add_argument("--frames")
     parser.add_argument("--rounds")
     parser.add_argument("--threads")
-    parser.add_argument("--accuracy", default="0.2")
+    parser.add_argument("--accuracy", default="0.1")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--keep-frames", choices=["png"])
     parser.add_argument("--icbench", default=str(root / "build" / "release" / "bin" / "icbench"))

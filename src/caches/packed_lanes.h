@@ -89,7 +89,9 @@ struct LaneQuery {
 };
 
 inline LaneQuery make_lane_query(const glm::vec3& n, float a, float a_max) noexcept {
-  return {n.x / 127.0f, n.y / 127.0f, n.z / 127.0f, a / a_max * (1.0f + kRoundingSlack), 1.0f / a_max};
+  constexpr float kByte = 1.0f / 127.0f;
+  const float per_bend = 1.0f / a_max;
+  return {n.x * kByte, n.y * kByte, n.z * kByte, a * per_bend * (1.0f + kRoundingSlack), per_bend};
 }
 
 /// Where a query is for the lanes of one cell: steps, from where their places count.

@@ -214,7 +214,10 @@ class Packed {
       }
     }
     for (std::size_t i = 0; i < n; ++i) look(walks[i]);
-    for (std::size_t i = 0; i < n; ++i) filter(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) {
+      filter(walks[i]);
+      for (std::uint32_t k = 0; k < walks[i].kept; ++k) prefetch(&at(walks[i].places[k]), sizeof(Stored));
+    }
     for (std::size_t i = 0; i < n; ++i) {
       const auto shown = [&](const Record& r, float weight) noexcept { f(i, r, weight); };
       test(walks[i], points[i], a, counters, shown);
@@ -551,7 +554,6 @@ class Packed {
   /// Collects the places of the records that lanes are kept of.
   void filter(Walk& walk) noexcept {
     walk.kept = filter_(walk.q, walk.strip.data(), walk.strips, walk.places.data());
-    for (std::uint32_t k = 0; k < walk.kept; ++k) prefetch(&at(walk.places[k]), sizeof(Stored));
   }
 
   static void prefetch(const void* from, std::size_t bytes) noexcept {

@@ -16,11 +16,6 @@ Hit record_point(const glm::vec3& p, PackedNormal n, PackedNormal ng) noexcept {
   return point;
 }
 
-std::uint64_t compensation_key(const glm::vec3& p) noexcept {
-  return hash_keys(std::bit_cast<std::uint32_t>(p.x), std::bit_cast<std::uint32_t>(p.y),
-                   std::bit_cast<std::uint32_t>(p.z));
-}
-
 VplChange update_vpls(VplUpdate& update, Crew& crew) {
   crew.for_each(update.chunks(), 1,
                 [&](unsigned, Tracer& tracer, std::size_t chunk) { update.trace(tracer, chunk); });
@@ -44,7 +39,7 @@ Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Visible& x
   DistanceCodes distances;
   radius_.trace(tracer, point, RadiusRays::kAll, distances);
   const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast) +
-                       compensate_record(tracer, point, clamp_, Packing::fast).E;
+                       compensate_record(tracer, point, vpls_, clamp_, Packing::fast).E;
   return {point.p, point.n, radius_.radius(distances), E, names_(x, key)};
 }
 

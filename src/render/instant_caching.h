@@ -3,8 +3,8 @@
 //
 // How a record is evaluated serves temporal instant caching too: both make the same records of the same VPLs, but that
 // records which are not kept have their rays traced in the faster packing. Everything about a record follows from its
-// point: irradiance is the gather's sum in fixed order, with compensation by rays whose random numbers depend on the
-// place alone; the radius follows from a few fixed rays.
+// point: irradiance is the gather's sum in fixed order, with compensation by rays that are the same everywhere; the
+// radius follows from a few fixed rays.
 #pragma once
 
 #include <cstdint>
@@ -30,13 +30,12 @@ inline Hit record_point(const Hit& hit) noexcept {
   return record_point(hit.p, PackedNormal::pack(hit.n), PackedNormal::pack(hit.ng));
 }
 
-/// What a record's compensation is drawn from: its place.
-std::uint64_t compensation_key(const glm::vec3& p) noexcept;
-
-inline Compensation compensate_record(Tracer& tracer, const Hit& point, float clamp,
+/// What the clamp takes at a record, from the set's virtual lights; clamp: vpl_clamp.
+inline Compensation compensate_record(Tracer& tracer, const Hit& point, const VplSet& vpls, float clamp,
                                       Packing packing = Packing::exact,
                                       std::uint64_t which = ~std::uint64_t{0}) noexcept {
-  return compensate(tracer, point, clamp, kRecordCompensation, compensation_key(point.p), packing, which);
+  return compensate(tracer, point, vpls.vpls(), clamp, kRecordCompensation, compensation_key(vpls.seed()),
+                    packing, which);
 }
 
 /// Traces paths of a set anew, by a crew.

@@ -9,13 +9,13 @@ namespace {
 class InstantGiPass final : public IndirectPass {
  public:
   explicit InstantGiPass(const PassSetup& s)
-      : crew_(s.crew), vpls_(s.rays, {s.vpls, s.seed}), shading_{vpl_clamp(s.rays.scene().bounds)} {}
+      : crew_(s.crew), vpls_(s.rays, {s.vpls, s.seed}), shading_(shading_of(vpls_)) {}
 
   void begin_frame(const SceneChange&) override { retrace_all(vpls_, crew_); }
 
-  void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
+  void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey&, const Tile& tile,
             Image& out) noexcept override {
-    instant_gi_tile(tracer, primary, vpls_.vpls(), shading_, key, tile, out);
+    instant_gi_tile(tracer, primary, vpls_.vpls(), shading_, tile, out);
   }
 
   PassFigures figures() const override {
@@ -32,22 +32,23 @@ class InstantGiPass final : public IndirectPass {
 
 }  // namespace
 
-Irradiance instant_irradiance(Tracer& tracer, const Visible& x, const VplArrays& vpls,
-                              const VplShading& shading, const SampleKey& key) noexcept {
-  return gather_vpls(tracer, x.hit, vpls, shading.clamp, Packing::fast) +
-         compensate(tracer, x.hit, shading.clamp, shading.compensation, x.key(key, Purpose::gather),
-                    Packing::fast)
-             .E;
+VplShading shading_of(const VplSet& set) noexcept {
+  return {.clamp = vpl_clamp(set.rays().scene().bounds), .key = compensation_key(set.seed())};
+}
+
+Irradiance instant_irradiance(Tracer& tracer, const Hit& hit, const VplArrays& some, const VplArrays& all,
+                              const VplShading& shading) noexcept {
+  return gather_vpls(tracer, hit, some, shading.clamp, Packing::fast) +
+         compensate(tracer, hit, all, shading.clamp, shading.compensation, shading.key, Packing::fast).E;
 }
 
 void instant_gi_tile(Tracer& tracer, const PrimaryHits& primary, const VplArrays& vpls,
-                     const VplShading& shading, const SampleKey& key, const Tile& tile,
-                     Image& indirect) noexcept {
+                     const VplShading& shading, const Tile& tile, Image& indirect) noexcept {
   const RayTracer& rays = tracer.shared();
   for_each_visible(tile, primary, [&](const Visible& x) {
     glm::vec3 L(0.0f);
     if (reflects(rays, x.hit))
-      L = reflected_radiance(rays, x.hit, instant_irradiance(tracer, x, vpls, shading, key));
+      L = reflected_radiance(rays, x.hit, instant_irradiance(tracer, x.hit, vpls, vpls, shading));
     x.show(indirect, L);
   });
 }

@@ -25,16 +25,19 @@ inline constexpr std::uint32_t kPixelCompensation = 32;
 struct VplShading {
   float clamp;                                      ///< of the geometric term, 1/m^2 (vpl_clamp)
   std::uint32_t compensation = kPixelCompensation;  ///< rays; 0: what the clamp takes is lost
+  std::uint64_t key = 0;  ///< of their random numbers: the same everywhere, as the VPLs are
 };
 
-/// Indirect irradiance, W/m^2, at a visible hit that reflects.
-Irradiance instant_irradiance(Tracer& tracer, const Visible& x, const VplArrays& vpls,
-                              const VplShading& shading, const SampleKey& key) noexcept;
+/// How it is made of this set's.
+VplShading shading_of(const VplSet& set) noexcept;
+
+/// Indirect irradiance, W/m^2, at a hit that reflects: gathered from `some` of the VPLs, compensated with all.
+Irradiance instant_irradiance(Tracer& tracer, const Hit& hit, const VplArrays& some, const VplArrays& all,
+                              const VplShading& shading) noexcept;
 
 /// Indirect radiance at the stored hits of a tile.
 void instant_gi_tile(Tracer& tracer, const PrimaryHits& primary, const VplArrays& vpls,
-                     const VplShading& shading, const SampleKey& key, const Tile& tile,
-                     Image& indirect) noexcept;
+                     const VplShading& shading, const Tile& tile, Image& indirect) noexcept;
 
 /// Traces all paths of a set anew, by a crew.
 void retrace_all(VplSet& set, Crew& crew);

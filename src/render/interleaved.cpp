@@ -28,7 +28,7 @@ class InterleavedPass final : public IndirectPass {
         crew_(s.crew),
         vpls_(s.rays, {s.vpls, s.seed}),
         groups_(vpls_, kInterleave),
-        shading_{vpl_clamp(s.rays.scene().bounds)},
+        shading_(shading_of(vpls_)),
         tiles_(make_tiles(s.width, s.height, 32, TileOrder::scanline)),
         E_(static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.height)) {}
 
@@ -37,9 +37,9 @@ class InterleavedPass final : public IndirectPass {
     groups_ = VplGroups(vpls_, kInterleave);
   }
 
-  void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
+  void tile(unsigned, Tracer& tracer, const PrimaryHits& primary, const SampleKey&, const Tile& tile,
             Image& out) noexcept override {
-    interleaved_tile(tracer, primary, vpls_.vpls(), groups_, shading_, key, tile, E_, out);
+    interleaved_tile(tracer, primary, vpls_.vpls(), groups_, shading_, tile, E_, out);
   }
 
   void end_sample(const PrimaryHits& primary, Image& out) override {
@@ -85,17 +85,17 @@ VplGroups::VplGroups(const VplSet& set, std::uint32_t n) : n_(n) {
 }
 
 void interleaved_tile(Tracer& tracer, const PrimaryHits& primary, const VplArrays& all,
-                      const VplGroups& groups, const VplShading& shading, const SampleKey& key,
-                      const Tile& tile, std::vector<Irradiance>& E, Image& indirect) noexcept {
+                      const VplGroups& groups, const VplShading& shading, const Tile& tile,
+                      std::vector<Irradiance>& E, Image& indirect) noexcept {
   const RayTracer& rays = tracer.shared();
   for_each_visible(tile, primary, [&](const Visible& x) {
     const bool lit = reflects(rays, x.hit);
     if (x.layer == 0) {
       const VplArrays& some = groups.of_pixel(x.pixel, primary.width);
-      E[x.pixel] = lit ? instant_irradiance(tracer, x, some, shading, key) : glm::vec3(0.0f);
+      E[x.pixel] = lit ? instant_irradiance(tracer, x.hit, some, all, shading) : glm::vec3(0.0f);
       x.show(indirect, glm::vec3(0.0f));
     } else if (lit) {
-      x.show(indirect, reflected_radiance(rays, x.hit, instant_irradiance(tracer, x, all, shading, key)));
+      x.show(indirect, reflected_radiance(rays, x.hit, instant_irradiance(tracer, x.hit, all, all, shading)));
     }
   });
 }

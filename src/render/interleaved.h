@@ -51,8 +51,8 @@ class VplGroups {
 /// First pass over a tile: irradiance at the main hits into `E`, by pixel, 0 where nothing reflects; radiance of
 /// all other hits into `indirect`.
 void interleaved_tile(Tracer& tracer, const PrimaryHits& primary, const VplArrays& all,
-                      const VplGroups& groups, const VplShading& shading, const SampleKey& key,
-                      const Tile& tile, std::vector<Irradiance>& E, Image& indirect) noexcept;
+                      const VplGroups& groups, const VplShading& shading, const Tile& tile,
+                      std::vector<Irradiance>& E, Image& indirect) noexcept;
 
 /// Second pass, when the first is through with the whole image: adds to `indirect` the radiance of the main hits, of
 /// irradiance filtered over n x n pixels; n is odd, 1 filters nothing. `diagonal` is the scene's, metres.

@@ -77,6 +77,10 @@ MovedBoxes::MovedBoxes(const SceneChange& change, float epsilon) {
   }
 }
 
+MovedBoxes::MovedBoxes(std::span<const PosedBox> boxes, float epsilon) {
+  for (const PosedBox& box : boxes) boxes_.emplace_back(box, epsilon);
+}
+
 bool MovedBoxes::meet(const glm::vec3& a, const glm::vec3& b) const noexcept {
   return std::any_of(boxes_.begin(), boxes_.end(),
                      [&](const MovedBox& box) { return box.meets(box.to_box(a), box.to_box(b)); });

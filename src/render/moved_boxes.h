@@ -48,11 +48,12 @@ class MovedBox {
   glm::vec3 step_;  // what a step of 1 in the world can amount to along each axis of the box, at most
 };
 
-/// The boxes of all that moved in one change, before and after.
+/// The boxes of all that moved in one change, before and after; or any others.
 class MovedBoxes {
  public:
   MovedBoxes() = default;
   MovedBoxes(const SceneChange& change, float epsilon);
+  explicit MovedBoxes(std::span<const PosedBox> boxes, float epsilon);
 
   bool empty() const noexcept { return boxes_.empty(); }
 

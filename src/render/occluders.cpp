@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <glm/common.hpp>
 #include <glm/matrix.hpp>
 
@@ -31,6 +32,17 @@ void select(const Fan& fan, std::uint64_t keep, Fan& out) noexcept {
   out.count = 0;
   for (std::uint32_t i = 0; i < fan.count; ++i)
     if (keep >> fan.bit[i] & 1u) out.push(fan.x[i], fan.y[i], fan.z[i], fan.bit[i]);
+}
+
+// Directions in another space.
+void turn(const Fan& fan, const glm::mat3& m, Fan& out) noexcept {
+  out.count = fan.count;
+  std::memcpy(out.bit, fan.bit, sizeof out.bit);
+  for (std::uint32_t i = 0; i < fan.count; ++i) {
+    out.x[i] = m[0].x * fan.x[i] + m[1].x * fan.y[i] + m[2].x * fan.z[i];
+    out.y[i] = m[0].y * fan.x[i] + m[1].y * fan.y[i] + m[2].y * fan.z[i];
+    out.z[i] = m[0].z * fan.x[i] + m[1].z * fan.y[i] + m[2].z * fan.z[i];
+  }
 }
 
 // Bits of the rays whose segment may meet a box: separating axes (Gottschalk et al. 1996), without a division.
@@ -89,18 +101,19 @@ std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::
 }  // namespace
 
 void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
-  const glm::mat3& m = at.pose.linear;
-  const glm::vec3 centre = 0.5f * (at.box.lower + at.box.upper), half = 0.5f * (at.box.upper - at.box.lower);
   Part part{.scene = scene, .everywhere = false, .posed = at.pose != Pose{}};
-  part.centre = at.pose(centre);
-  part.half = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z + pad;
-  part.to_object = glm::mat3(glm::inverse(glm::dmat3(m)));
+  part.to_object = glm::mat3(glm::inverse(glm::dmat3(at.pose.linear)));
   part.shift = at.pose.shift;
+  part.centre = 0.5f * (at.box.lower + at.box.upper);
+  part.half = 0.5f * (at.box.upper - at.box.lower);
+  const glm::mat3& m =
+      part.to_object;  // a step of `pad` in the world is this long in the shape's own space, at most
+  part.half += pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
   parts_.push_back(part);
 }
 
 std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                                       std::uint64_t which, Packing packing) const noexcept {
+                                       std::uint64_t which, Packing packing, Shapes shapes) const noexcept {
   const std::uint32_t lanes = packing == Packing::fast ? kPacket : kOneByOne;
   Fan fan;
   for (std::uint64_t rest = which; rest != 0; rest &= rest - 1) {
@@ -111,27 +124,22 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
     fan.x[fan.count + l] = fan.y[fan.count + l] = fan.z[fan.count + l] = 1.0f;
     fan.bit[fan.count + l] = 0;
   }
+  Fan turned;  // into a shape's own space
   std::uint64_t hit = 0;
   for (const Part& part : parts_) {
     if (hit == which) break;
+    if (shapes != Shapes::all && part.everywhere != (shapes == Shapes::still)) continue;
     if (part.everywhere) {
       hit |= trace(part.scene, from, fan, lanes);
       continue;
     }
-    const std::uint64_t asked = near_box(fan, from, part.centre, part.half) & ~hit;
+    const glm::vec3 o = part.posed ? part.to_object * (from - part.shift) : from;
+    if (part.posed) turn(fan, part.to_object, turned);
+    const Fan& here = part.posed ? turned : fan;
+    const std::uint64_t asked = near_box(here, o, part.centre, part.half) & ~hit;
     if (asked == 0) continue;
     Fan some;
-    select(fan, asked, some);
-    glm::vec3 o = from;
-    if (part.posed) {
-      o = part.to_object * (from - part.shift);
-      for (std::uint32_t i = 0; i < some.count; ++i) {
-        const glm::vec3 d = part.to_object * glm::vec3(some.x[i], some.y[i], some.z[i]);
-        some.x[i] = d.x;
-        some.y[i] = d.y;
-        some.z[i] = d.z;
-      }
-    }
+    select(here, asked, some);
     for (std::uint32_t l = 0; l < kPacket; ++l) {
       some.x[some.count + l] = some.y[some.count + l] = some.z[some.count + l] = 1.0f;
       some.bit[some.count + l] = 0;

@@ -41,16 +41,16 @@ class Occluders {
 
   /// RayTracer::occluded_from.
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which, Packing packing) const noexcept;
+                              std::uint64_t which, Packing packing, Shapes shapes) const noexcept;
 
  private:
   struct Part {
     RTCScene scene;
     bool everywhere = true;  // stands still: no box, no pose
     bool posed = false;
-    glm::vec3 centre{0.0f}, half{0.0f};  // of its box in the world, padded
     glm::mat3 to_object{1.0f};
     glm::vec3 shift{0.0f};
+    glm::vec3 centre{0.0f}, half{0.0f};  // of its box, padded, in its own space
   };
 
   std::vector<Part> parts_;

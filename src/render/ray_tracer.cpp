@@ -217,6 +217,13 @@ void RayTracer::place_occluders() {
   }
 }
 
+std::vector<PosedBox> RayTracer::moving() const {
+  std::vector<PosedBox> out;
+  for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i)
+    if (embree_->placings[i]) out.push_back({placed_[i].box, placed_[i].pose});
+  return out;
+}
+
 SceneChange RayTracer::go_to(float frame) {
   frame_ = std::fmod(frame, static_cast<float>(scene_.frames));
   SceneChange change;
@@ -395,8 +402,8 @@ std::uint64_t RayTracer::bare_trace(std::span<const TracedRay> rays) const noexc
 }
 
 std::uint64_t RayTracer::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                                       std::uint64_t which, Packing packing) const noexcept {
-  return embree_->occluders.occluded_from(from, x, y, z, which, packing);
+                                       std::uint64_t which, Packing packing, Shapes shapes) const noexcept {
+  return embree_->occluders.occluded_from(from, x, y, z, which, packing, shapes);
 }
 
 std::uint64_t RayTracer::bare_occluded(std::span<const TracedRay> rays, unsigned packet) const noexcept {

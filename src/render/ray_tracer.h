@@ -58,6 +58,13 @@ enum class Packing : std::uint8_t {
   exact  ///< each answer is a function of its ray, and of the shapes that lie on it and their poses, alone
 };
 
+/// Which shapes a shadow ray is asked of.
+enum class Shapes : std::uint8_t {
+  all,
+  still,  ///< those of meshes that never move
+  moving  ///< the others: that nothing still lies on the ray is known
+};
+
 /// Rays a thread has traced.
 struct RayCounts {
   std::uint64_t closest = 0;    ///< nearest-hit rays
@@ -118,6 +125,9 @@ class RayTracer {
   /// Builds in parallel, in the caller's oneTBB arena.
   SceneChange go_to(float frame);
 
+  /// How the meshes that can move stand at the current frame.
+  std::vector<PosedBox> moving() const;
+
   /// How mesh i stands at the current frame.
   const Pose& pose(std::uint32_t mesh) const noexcept { return placed_[mesh].pose; }
   const Material& material(const Hit& hit) const noexcept { return scene_.materials[hit.material]; }
@@ -145,9 +155,11 @@ class RayTracer {
   void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
 
   /// Shadow rays from one point, which lies off its surface already (leave), to up to 64 ends: bit i of `which` asks for
-  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which anything lies (occluders.h).
+  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which any of these shapes lies (occluders.h): that of
+  /// all shapes is the "or" of the other two, with exact packing to the bit.
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which, Packing packing) const noexcept;
+                              std::uint64_t which, Packing packing,
+                              Shapes shapes = Shapes::all) const noexcept;
 
   /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything
   /// above. Returns how many hit or were occluded.
@@ -221,9 +233,9 @@ class Tracer {
     return hit;
   }
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
-                              std::uint64_t which, Packing packing) noexcept {
+                              std::uint64_t which, Packing packing, Shapes shapes = Shapes::all) noexcept {
     counts.occlusion += static_cast<std::uint64_t>(std::popcount(which));
-    return rays_->occluded_from(from, x, y, z, which, packing);
+    return rays_->occluded_from(from, x, y, z, which, packing, shapes);
   }
   bool occluded(const Ray& ray) noexcept {
     bool out;

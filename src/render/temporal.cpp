@@ -45,6 +45,11 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   Change c;
   c.boxes = MovedBoxes(change, rays_.epsilon());
   const VplChange light = update_lights(change, c.boxes, crew);
+  const VplArrays& vpls = vpls_.vpls();
+  const PointsView places{vpls.of(VplArrays::kPx), vpls.of(VplArrays::kPy), vpls.of(VplArrays::kPz),
+                          vpls.slots()};
+  movers_ = MovedBoxes(rays_.moving(), rays_.epsilon());
+  ends_ = SegmentEnds(movers_, places);
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
   c.surfaces_changed = change.materials;
@@ -54,9 +59,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
     return RecordsThen::stay;
   }
 
-  const VplArrays& vpls = vpls_.vpls();
-  c.ends = SegmentEnds(
-      c.boxes, {vpls.of(VplArrays::kPx), vpls.of(VplArrays::kPy), vpls.of(VplArrays::kPz), vpls.slots()});
+  c.ends = SegmentEnds(c.boxes, places);
   c.moved_meshes.assign(std::min<std::size_t>(rays_.scene().meshes.size(), kManyMeshes + 1u), 0);
   for (const MovedMesh& m : change.moved) c.moved_meshes[mesh_of(m.mesh)] = 1;
   c.moved_vpls = light.moved;
@@ -138,11 +141,13 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const float R_before = radius_.radius(r.distances);
 
   // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not be.
+  const Packing packing = record_packing(rays_, r.mesh);
   const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
-  if (see_anew(tracer, w, c, point, id) || c.light_changed || r.met != 0 || nearby) {
+  if (c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id)) {
+    const bool all = nearby || packing == Packing::fast;
     const Compensation added =
-        compensate_record(tracer, point, clamp_, Packing::exact, nearby ? ~std::uint64_t{0} : r.met);
-    r.E = irradiance_from(table_.visible(id), point, vpls_.vpls(), clamp_) + added.E;
+        compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
+    r.E = irradiance_from(see_anew(tracer, w, c, point, id), point, vpls_.vpls(), clamp_) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
   }
   if (const std::uint32_t cut = cut_distances(c, point, r.distances); cut != 0)
@@ -158,15 +163,40 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   return same ? Verdict::keep : Verdict::update;
 }
 
-// Visibilities of the VPLs that moved, and of those that a moved mesh may have hidden or laid open; whether any changed.
-bool TemporalSource::see_anew(Tracer& tracer, Worker& w, const Change& c, const Hit& point,
-                              std::uint32_t id) noexcept {
-  w.suspect = c.moved_vpls;
+// Whether a segment to a VPL that may be seen meets a box of what moved.
+bool TemporalSource::cut_lights(Worker& w, const Change& c, const Hit& point, std::uint32_t id) noexcept {
+  if (c.boxes.empty()) return false;
+  if (record_packing(rays_, table_[id].mesh) == Packing::fast) return true;  // its bits are of what it saw
+  w.suspect.assign(vpls_.vpls().words(), 0);
   c.ends.mark(rays_.leave(point.p, point.ng), w.suspect);
-  const std::span<std::uint64_t> visible = table_.visible(id);
-  w.before.assign(visible.begin(), visible.end());
-  trace_visibility(tracer, point, vpls_.vpls(), w.suspect, visible);
-  return !std::equal(visible.begin(), visible.end(), w.before.begin());
+  const std::span<const std::uint64_t> open = table_.visible(id);
+  return !std::equal(open.begin(), open.end(), w.suspect.begin(),
+                     [](std::uint64_t a, std::uint64_t b) { return (a & b) == 0; });
+}
+
+// The VPLs that a kept record sees now.
+std::span<const std::uint64_t> TemporalSource::see_anew(Tracer& tracer, Worker& w, const Change& c,
+                                                        const Hit& point, std::uint32_t id) noexcept {
+  const VplArrays& vpls = vpls_.vpls();
+  const std::span<std::uint64_t> open = table_.visible(id);
+  if (record_packing(rays_, table_[id].mesh) == Packing::fast) {
+    trace_visibility(tracer, point, vpls, open, Packing::fast);
+    return open;
+  }
+  trace_visibility(tracer, point, vpls, c.moved_vpls, open, Shapes::still);
+  return unhidden(tracer, w, point, open);
+}
+
+// Of the VPLs that nothing hides that stands still, those that nothing else hides either.
+std::span<const std::uint64_t> TemporalSource::unhidden(Tracer& tracer, Worker& w, const Hit& point,
+                                                        std::span<const std::uint64_t> open) noexcept {
+  if (movers_.empty()) return open;
+  w.suspect.assign(open.size(), 0);
+  ends_.mark(rays_.leave(point.p, point.ng), w.suspect);
+  for (std::size_t i = 0; i < open.size(); ++i) w.suspect[i] &= open[i];
+  w.visible.assign(open.begin(), open.end());
+  trace_visibility(tracer, point, vpls_.vpls(), w.suspect, w.visible, Shapes::moving);
+  return w.visible;
 }
 
 // The distance rays that meet a box no farther than they reached.
@@ -217,9 +247,9 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   Worker& w = workers_[thread];
   const std::uint32_t id = table_.draft(thread);
   const bool has_room = id != RecordTable::kNone;  // else the record will do for this frame
-  if (!has_room) w.before.resize(vpls_.vpls().words());
+  if (!has_room) w.homeless_bits.resize(vpls_.vpls().words());
   KeptRecord& r = has_room ? table_[id] : w.homeless_record;
-  const std::span<std::uint64_t> visible = has_room ? table_.visible(id) : w.before;
+  const std::span<std::uint64_t> open = has_room ? table_.visible(id) : w.homeless_bits;
 
   r.p = x.hit.p;
   r.n = PackedNormal::pack(x.hit.n);
@@ -227,9 +257,13 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   r.mesh = mesh_of(x.hit.mesh);
   const Hit point = record_point(r.p, r.n, r.ng);
   radius_.trace(tracer, point, RadiusRays::kAll, r.distances);
-  trace_visibility(tracer, point, vpls_.vpls(), visible);
-  const Compensation added = compensate_record(tracer, point, clamp_);
-  r.E = irradiance_from(visible, point, vpls_.vpls(), clamp_) + added.E;
+  const VplArrays& vpls = vpls_.vpls();
+  const Packing packing = record_packing(rays_, x.hit.mesh);
+  const bool apart = packing == Packing::exact;
+  trace_visibility(tracer, point, vpls, open, packing, apart ? Shapes::still : Shapes::all);
+  const std::span<const std::uint64_t> seen = apart ? unhidden(tracer, w, point, open) : open;
+  const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
+  r.E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
   return {point.p, point.n, radius_.radius(r.distances), r.E, id};
 }

@@ -6,10 +6,13 @@
 //   light paths   those with a segment that meets a moved mesh's box, before or after, are retraced with the random
 //                 numbers they had; all are when lights or materials changed
 //
-//   records       on a mesh that moved are dropped. Of the others, visibilities are retraced of the VPLs that moved and
-//                 of those whose segment meets a box; then irradiance is summed anew, over all VPLs in fixed order, if a
-//                 bit or a VPL changed at all. Compensation is computed again where there was any or a box is near;
-//                 its paths may go anywhere. Distance rays that meet a box are retraced, and with them the radius.
+//   records       on a mesh that moved are dropped. Of the others, a bit says of each VPL whether anything that stands
+//                 still hides it; that is retraced of the VPLs that moved alone. Whether something that moves hides it
+//                 as well is asked of those whose segment meets such a mesh's box. Then irradiance is summed anew, over
+//                 all VPLs in fixed order, unless no VPL changed and no open segment meets a moved box. Compensation is
+//                 computed again where there was any or a box is near; its paths may go anywhere. Distance rays that
+//                 meet a box are retraced, and with them the radius. A record on a mesh that can move but did not is
+//                 made anew as a whole (record_packing).
 //
 // Boxes are conservative (render/moved_boxes.h), every ray goes through the same kernel as when a record is made, and
 // nothing is ever corrected by a difference. So after begin_frame each record equals, bit for bit, the one that would be
@@ -39,6 +42,12 @@
 
 namespace icbench {
 
+/// How the rays of a record on a mesh are packed. On one that moves a record is made anew from all its rays or not at
+/// all; so whatever a packet's rays do to each other, they do each time.
+inline Packing record_packing(const RayTracer& rays, std::uint32_t mesh) noexcept {
+  return mesh < kManyMeshes && rays.scene().meshes[mesh].moves() ? Packing::fast : Packing::exact;
+}
+
 class TemporalSource final : public RecordSource {
  public:
   explicit TemporalSource(const PassSetup& setup);
@@ -62,8 +71,9 @@ class TemporalSource final : public RecordSource {
 
   // What a thread needs for a record, and what it did.
   struct alignas(kNoSharing) Worker {
-    std::vector<std::uint64_t> suspect;  // VPLs whose visibility is to be traced anew
-    std::vector<std::uint64_t> before;   // visibilities as they were
+    std::vector<std::uint64_t> suspect;  // VPLs that something may hide
+    std::vector<std::uint64_t> visible;  // VPLs that nothing hides
+    std::vector<std::uint64_t> homeless_bits;
     std::vector<std::uint32_t> dropped;
     std::vector<Record> regrown;
     std::uint64_t kept = 0, updated = 0;
@@ -75,7 +85,7 @@ class TemporalSource final : public RecordSource {
 
   // What a frame's change means for records.
   struct Change {
-    MovedBoxes boxes;
+    MovedBoxes boxes;                        // of what moved
     SegmentEnds ends;                        // the VPLs, for segments to them
     std::vector<std::uint8_t> moved_meshes;  // by KeptRecord::mesh
     std::vector<std::uint64_t> moved_vpls;   // a bit for each
@@ -87,7 +97,11 @@ class TemporalSource final : public RecordSource {
   void count_new_records() noexcept;
   void begin_sweep_if_due() noexcept;
   Verdict reconsider(Tracer& tracer, Worker& w, const Change& change, std::uint32_t id) noexcept;
-  bool see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
+  std::span<const std::uint64_t> see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point,
+                                          std::uint32_t id) noexcept;
+  std::span<const std::uint64_t> unhidden(Tracer& tracer, Worker& w, const Hit& point,
+                                          std::span<const std::uint64_t> open) noexcept;
+  bool cut_lights(Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
   std::uint32_t cut_distances(const Change& change, const Hit& point,
                               const DistanceCodes& distances) const noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
@@ -98,6 +112,8 @@ class TemporalSource final : public RecordSource {
   float clamp_;
   RecordTable table_;
   std::vector<Worker> workers_;
+  MovedBoxes movers_;              // of all that can move, as it stands
+  SegmentEnds ends_;               // the VPLs, for segments to them that movers_ may cut
   std::vector<Verdict> verdicts_;  // by id; of the last update
   std::vector<Record> to_insert_;
   bool sweeping_ = false;

@@ -94,6 +94,7 @@ class VplSet {
   std::uint32_t paths() const noexcept { return static_cast<std::uint32_t>(ranges_.size()); }
   std::size_t count() const noexcept { return count_; }  ///< slots in use
   const RayTracer& rays() const noexcept { return *rays_; }
+  std::uint64_t seed() const noexcept { return seed_; }
 
   /// Ends of the path's segments: the start on the lamp, then every surface met, mirrors included, and where it left
   /// the scene a point beyond the scene's bounds. Its rays run within RayTracer::epsilon() of the segments. Empty for a

@@ -10,9 +10,9 @@
 #include <numbers>
 
 #include "core/random.h"
-#include "render/path.h"
 #include "render/primary.h"
 #include "render/sampling.h"
+#include "render/transport.h"
 
 namespace icbench {
 namespace {
@@ -65,8 +65,8 @@ std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
 }
 
 std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, const WordOfVpls& v,
-                      std::uint64_t which, Packing packing) noexcept {
-  const std::uint64_t asked = which & facing(hit, v);
+                      Packing packing, Shapes shapes) noexcept {
+  const std::uint64_t asked = facing(hit, v);
   if (asked == 0) return 0;
   const float epsilon = tracer.shared().epsilon();
   alignas(64) float x[kWord], y[kWord], z[kWord];
@@ -75,14 +75,14 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
     y[i] = v.py[i] + epsilon * v.ny[i];
     z[i] = v.pz[i] + epsilon * v.nz[i];
   }
-  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing);
+  return asked & ~tracer.occluded_from(from, x, y, z, asked, packing, shapes);
 }
 
 // A few slots of many words, asked for together: packets are full that way.
 class Asked {
  public:
-  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits) noexcept
-      : tracer_(tracer), from_(from), bits_(bits), epsilon_(tracer.shared().epsilon()) {}
+  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits, Shapes shapes) noexcept
+      : tracer_(tracer), from_(from), bits_(bits), shapes_(shapes), epsilon_(tracer.shared().epsilon()) {}
 
   void ask(const WordOfVpls& v, std::size_t word, std::size_t i) noexcept {
     x_[count_] = v.px[i] + epsilon_ * v.nx[i];
@@ -96,7 +96,7 @@ class Asked {
   void answer() noexcept {
     if (count_ == 0) return;
     const std::uint64_t all = count_ == kWord ? ~std::uint64_t{0} : (std::uint64_t{1} << count_) - 1;
-    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact);
+    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact, shapes_);
     for (; seen != 0; seen &= seen - 1) {
       const std::uint32_t slot = slot_[std::countr_zero(seen)];
       bits_[slot / kWord] |= std::uint64_t{1} << slot % kWord;
@@ -108,6 +108,7 @@ class Asked {
   Tracer& tracer_;
   glm::vec3 from_;
   std::span<std::uint64_t> bits_;
+  Shapes shapes_;
   float epsilon_;
   std::size_t count_ = 0;
   alignas(64) float x_[kWord], y_[kWord], z_[kWord];
@@ -161,6 +162,117 @@ class Sum {
   alignas(64) float red_[kLanes] = {}, green_[kLanes] = {}, blue_[kLanes] = {};
 };
 
+// Share of the light between two facing points that the clamp takes; 0 where it takes none.
+float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, float clamp) noexcept {
+  const glm::vec3 d = met.p - from;
+  const float d2 = glm::dot(d, d);
+  const float G = glm::dot(d, n) * -glm::dot(d, met.ng) / (d2 * d2);
+  return G > clamp ? 1.0f - clamp / G : 0.0f;
+}
+
+constexpr std::uint32_t kAskedVpls = 4;  // a packet
+constexpr std::uint32_t kProposals = 8;  // light samples of which one is asked
+
+float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
+
+// Irradiance from the lamps, weighted as propose_light does: of a few samples one is asked, drawn by what it would send if
+// nothing lay between (importance resampling, Talbot et al. 2005). Where there are many lamps that spares most noise.
+Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) noexcept {
+  LightProposal proposals[kProposals];
+  float sends[kProposals], total = 0.0f;
+  for (std::uint32_t k = 0; k < kProposals; ++k) {
+    sends[k] = propose_light(tracer.shared(), at, q, random, proposals[k]) ? sum_of(proposals[k].E) : 0.0f;
+    total += sends[k];
+  }
+  const float target = random.uniform() * total;
+  std::uint32_t k = 0;
+  for (float below = sends[0]; k + 1 < kProposals && !(target < below);) below += sends[++k];
+  if (!(sends[k] > 0.0f && total < kMaxIrradiance) || tracer.occluded(proposals[k].shadow))
+    return glm::vec3(0.0f);
+  return total / kProposals * (proposals[k].E / sends[k]);
+}
+
+// Irradiance from all VPLs, clamped, by a few of one word drawn at random, each drawn by what it would send if nothing lay
+// between.
+Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp, Packing packing,
+                       Pcg32& random) noexcept {
+  const auto words = static_cast<float>(vpls.words());
+  const auto word = static_cast<std::size_t>(random.uniform() * words);
+  const float u = random.uniform();
+  if (word >= vpls.words()) return glm::vec3(0.0f);  // there are none, or it was rounded up
+  const WordOfVpls v(vpls, word);
+  alignas(64) float sends[kWord], flux[kWord];
+  for (std::size_t i = 0; i < kWord; ++i) {
+    const float x = v.px[i] - at.p.x, y = v.py[i] - at.p.y, z = v.pz[i] - at.p.z;
+    const float d2 = x * x + y * y + z * z;
+    const float here = x * at.n.x + y * at.n.y + z * at.n.z;
+    const float surface = x * at.ng.x + y * at.ng.y + z * at.ng.z;
+    const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
+    const float G = here * there / (d2 * d2);
+    flux[i] = v.red[i] + v.green[i] + v.blue[i];
+    const bool facing = (here > 0.0f) & (surface > 0.0f) & (there > 0.0f);
+    sends[i] = facing ? (G < clamp ? G : clamp) * flux[i] : 0.0f;
+  }
+  float total = 0.0f;
+  for (const float s : sends) total += s;
+  if (!(total > 0.0f && total < kMaxIrradiance))
+    return glm::vec3(0.0f);  // or beyond what a float can be summed to
+
+  // Systematic: the u-th part of every quarter of the total.
+  const float epsilon = tracer.shared().epsilon();
+  float x[kAskedVpls], y[kAskedVpls], z[kAskedVpls];
+  std::size_t drawn[kAskedVpls];
+  std::size_t i = 0;
+  float below = sends[0];
+  for (std::uint32_t k = 0; k < kAskedVpls; ++k) {
+    const float target = total * (static_cast<float>(k) + u) / kAskedVpls;
+    while (i + 1 < kWord && !(target < below)) below += sends[++i];
+    drawn[k] = i;
+    x[k] = v.px[i] + epsilon * v.nx[i];
+    y[k] = v.py[i] + epsilon * v.ny[i];
+    z[k] = v.pz[i] + epsilon * v.nz[i];
+  }
+  constexpr std::uint64_t kAll = (1u << kAskedVpls) - 1;
+  const std::uint64_t hidden =
+      tracer.occluded_from(tracer.shared().leave(at.p, at.ng), x, y, z, kAll, packing);
+  Irradiance E(0.0f);
+  for (std::uint32_t k = 0; k < kAskedVpls; ++k) {
+    const std::size_t j = drawn[k];
+    if ((hidden >> k & 1u) == 0 && sends[j] > 0.0f) E += glm::vec3(v.red[j], v.green[j], v.blue[j]) / flux[j];
+  }
+  return words * total / kAskedVpls * std::numbers::inv_pi_v<float> * E;
+}
+
+// Irradiance at a surface, unbiased: from the lamps, from the VPLs, and what the clamp takes of the latter.
+Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Packing packing,
+                         Pcg32& random) noexcept {
+  constexpr float kGoOn = 0.5f;  // what the clamp takes at the second surface counts little
+  const RayTracer& rays = tracer.shared();
+  glm::vec3 E(0.0f), weight(1.0f);
+  for (;;) {
+    const float q = kGoOn * survival(weight);
+    if (!(q > 0.0f)) return E;
+    E += weight *
+         (sample_lamps(tracer, at, q, random) + sample_vpls(tracer, at, vpls, clamp, packing, random));
+
+    if (!(random.uniform() < q)) return E;
+    const float u_elevation = random.uniform(), u_azimuth = random.uniform();
+    const glm::vec3 d = cosine_direction(Basis(at.n), u_elevation, u_azimuth);
+    if (!(glm::dot(d, at.ng) > 0.0f)) return E;  // into the surface, past a tilted shading normal
+    const Hit next =
+        tracer.intersect(Ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d});
+    if (next.missed()) return E;
+    const Material& material = rays.material(next);
+    if (next.front && material.emits()) {
+      const float p_b = glm::dot(d, at.n) * std::numbers::inv_pi_v<float>;
+      E += std::numbers::pi_v<float> * emitter_weight(rays, next, d, p_b, q) / q * weight * material.emission;
+    }
+    if (!reflects(rays, next)) return E;
+    weight *= taken_share(at.p, at.n, next, clamp) / q * rays.albedo(next);
+    at = next;
+  }
+}
+
 }  // namespace
 
 float vpl_clamp(const Bounds& bounds) noexcept {
@@ -168,16 +280,17 @@ float vpl_clamp(const Bounds& bounds) noexcept {
   return 1.0f / (near * near);
 }
 
-void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<std::uint64_t> bits) noexcept {
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
+                      Packing packing, Shapes shapes) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
   for (std::size_t w = 0; w < vpls.words(); ++w)
-    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), ~std::uint64_t{0}, Packing::exact);
+    bits[w] = visible(tracer, from, hit, WordOfVpls(vpls, w), packing, shapes);
 }
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept {
-  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits);
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
+                      Shapes shapes) noexcept {
+  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits, shapes);
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     if (which[w] == 0) continue;
     const WordOfVpls v(vpls, w);
@@ -201,7 +314,7 @@ Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, fl
   Sum sum;
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     const WordOfVpls v(vpls, w);
-    sum.add(v, visible(tracer, from, hit, v, ~std::uint64_t{0}, packing), hit.p, hit.n, clamp);
+    sum.add(v, visible(tracer, from, hit, v, packing, Shapes::all), hit.p, hit.n, clamp);
   }
   return sum.irradiance();
 }
@@ -222,8 +335,9 @@ std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hi
 
 float compensation_reach(float clamp) noexcept { return 1.0f / std::sqrt(clamp); }
 
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing, std::uint64_t which) noexcept {
+Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
+                        std::uint32_t count, std::uint64_t key, Packing packing,
+                        std::uint64_t which) noexcept {
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(hit.p, hit.ng);
   const Basis basis(hit.n);
@@ -254,14 +368,12 @@ Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32
   Compensation out;
   for (std::uint32_t k = 0; k < n; ++k) {
     if (!reflects(rays, met[k])) continue;
-    const glm::vec3 d = met[k].p - hit.p;
-    const float d2 = glm::dot(d, d);
-    const float G = glm::dot(d, hit.n) * -glm::dot(d, met[k].ng) / (d2 * d2);
-    if (!(G > clamp)) continue;
+    const float share = taken_share(hit.p, hit.n, met[k], clamp);
+    if (!(share > 0.0f)) continue;
     out.met |= std::uint64_t{1} << index[k];
     Pcg32 random(hash_keys(key, index[k] + 1));
-    out.E += (1.0f - clamp / G) / static_cast<float>(count) * rays.albedo(met[k]) *
-             sample_irradiance(tracer, met[k], Light::all, random);
+    out.E += share / static_cast<float>(count) * rays.albedo(met[k]) *
+             irradiance_at(tracer, met[k], vpls, clamp, packing, random);
   }
   return out;
 }

@@ -4,13 +4,14 @@
 // nothing lies between. G is unbounded where a VPL lies close to the point, and the clamp takes the spots away that
 // this would make. What it takes from the light of close surfaces is added back by compensate() (Kollig & Keller 2004,
 // "Illumination in the presence of weak singularities"): rays with the cosine's density that look no farther than the
-// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The two together are unbiased.
+// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The light that arrives at the surface
+// met is estimated from the lamps, from a few VPLs, and by compensation in turn. All together are unbiased.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced with
 // it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
 // traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no ray
-// and has bit 0.
+// and has bit 0. What stands still and what moves can be asked apart: the bits of a fresh evaluation are the "and".
 //
 // Costs: a shadow ray per slot above both horizons; about a nanosecond a slot beside them.
 #pragma once
@@ -19,6 +20,7 @@
 #include <span>
 #include <vector>
 
+#include "core/random.h"
 #include "core/types.h"
 #include "render/ray_tracer.h"
 #include "render/vpl.h"
@@ -31,14 +33,15 @@ inline constexpr float kClampShare = 0.05f;
 /// Bound on G, 1/m^2: 1 / (kClampShare diagonal)^2.
 float vpl_clamp(const Bounds& bounds) noexcept;
 
-/// Sets bits[w] for all words, a bit per slot: 1 if the VPL in slot 64 w + i sees the point. bits.size() is
-/// vpls.words().
-void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<std::uint64_t> bits) noexcept;
+/// Sets bits[w] for all words, a bit per slot: 1 if nothing of these shapes lies between the point and the VPL in slot
+/// 64 w + i. bits.size() is vpls.words().
+void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
+                      Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
-/// The same for the slots in `which` alone; other bits stay as they are.
+/// The same for the slots in `which` alone, in exact packing; other bits stay as they are.
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits) noexcept;
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
+                      Shapes shapes = Shapes::all) noexcept;
 
 /// Irradiance, W/m^2, from the VPLs whose bit is set, of which each lies above both horizons. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
@@ -59,18 +62,23 @@ struct Compensation {
   std::uint64_t met = 0;  ///< the rays, a bit each, that met a surface for which weight was left; 0: E is 0
 };
 
+/// The key of compensation that goes with VPLs of this seed.
+inline std::uint64_t compensation_key(std::uint64_t seed) noexcept { return hash_keys(seed, 0xc0); }
+
 /// Most compensation rays of a point.
 inline constexpr std::uint32_t kMaxCompensation = 64;
 
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); light that arrives at the surfaces met is estimated by
-/// one path each. Random numbers depend on the key alone. 0 rays: 0.
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); to each surface met, six rays
+/// or so estimate the light that arrives there. Random numbers depend on the key alone; where neighbouring points have the
+/// same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
 /// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the result
 /// is that of tracing all, bit for bit.
-Compensation compensate(Tracer& tracer, const Hit& hit, float clamp, std::uint32_t count, std::uint64_t key,
-                        Packing packing = Packing::exact, std::uint64_t which = ~std::uint64_t{0}) noexcept;
+Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
+                        std::uint32_t count, std::uint64_t key, Packing packing = Packing::exact,
+                        std::uint64_t which = ~std::uint64_t{0}) noexcept;
 
 }  // namespace icbench
