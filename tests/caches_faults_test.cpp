@@ -127,7 +127,8 @@ class Faults : public Contract {
 INSTANTIATE_TEST_SUITE_P(FaultyCaches, Faults,
                          ::testing::Values(faulty<Sequential>(), faulty<NodeLockCache>(),
                                            faulty<LocalWriteCache>(), faulty<WaitFree>(),
-                                           faulty<WaitFreeSnapshot>()),
+                                           faulty<WaitFreeSnapshot>(), faulty<PackedWaitFree>(),
+                                           faulty<PackedLocalWrite>()),
                          cache_name);
 
 TEST_P(Faults, OneRefusedAllocationIsOneRefusedInsert) {

@@ -51,6 +51,8 @@ struct WithInterruptions<StdSync> {
 
 using Stamped = stress::Rebound<WaitFreeSnapshot<>, WithInterruptions>;
 using Flagged = stress::Rebound<WaitFree<>, WithInterruptions>;
+using PackedStamped = stress::Rebound<PackedWaitFreeSnapshot<>, WithInterruptions>;
+using PackedFlagged = stress::Rebound<PackedWaitFree<>, WithInterruptions>;
 
 constexpr CacheConfig kConfig{.capacity = 1000, .max_sessions = 3};
 const SurfacePoint kPlace{{0.3f, 0.4f, 0.0f}, {0, 0, 1}};
@@ -100,6 +102,43 @@ TEST(SnapshotInterleavings, AQueryStampsAPendingRecordForLaterOnes) {
   EXPECT_EQ(inserts_helped<Stamped>(), 2u);
   // Where one store publishes, nothing can happen to a record between two steps of its insert.
   EXPECT_EQ(inserts_helped<Flagged>(), 0u);
+}
+
+/// Stops an insert before each of its steps; what eight places then see of its record, one after the other, twice. All of
+/// them are in cells of their own. Returns in how many places what was seen changed while the insert stood still.
+template <class Cache>
+unsigned copies_that_appear_late() {
+  const SurfacePoint centre{glm::vec3(0.5f), {0, 0, 1}};
+  unsigned late = 0;
+  for (unsigned step = 0;; ++step) {
+    Cache cache(kConfig);
+    auto writer = cache.open_session(0);
+    auto reader = cache.open_session(1);
+    std::vector<bool> sights;
+    const auto look = [&] {
+      for (int i = 0; i < 16; ++i) {
+        const glm::vec3 side(i & 1 ? 1.0f : -1.0f, i & 2 ? 1.0f : -1.0f, i & 4 ? 0.1f : -0.1f);
+        bool is_seen = false;
+        reader.visit({centre.p + 0.01f * side, centre.n}, [&](const Record&, float) { is_seen = true; });
+        sights.push_back(is_seen);
+      }
+    };
+    Interruption::before(step, look);
+    EXPECT_EQ(writer.insert(make_record(0, centre.p, centre.n, 0.2f)), InsertResult::inserted);
+    const bool was_missed = Interruption::was_missed();
+    look();
+    // Once seen in one place, it is seen in all.
+    EXPECT_TRUE(std::is_sorted(sights.begin(), sights.end())) << "step " << step;
+    EXPECT_TRUE(std::count(sights.end() - 16, sights.end(), true) == 16) << "step " << step;
+    if (was_missed) return late;
+    late += sights.front() != sights[15];
+  }
+}
+
+TEST(PackedInterleavings, ARecordAppearsInAllItsCellsAtOnce) {
+  EXPECT_EQ(copies_that_appear_late<PackedFlagged>(), 0u);
+  // Before the insert draws its tick, and before it stamps: the first query stamps the record for all later ones.
+  EXPECT_EQ(copies_that_appear_late<PackedStamped>(), 2u);
 }
 
 /// Stops a query before each of its steps, where a large and then a small record are inserted; what it saw of the two.

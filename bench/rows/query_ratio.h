@@ -1,4 +1,4 @@
-// Time of a query in one cache over that in another: read-only, 10^5 records, one thread.
+// Time of a query in one cache over that in another: read-only, one thread.
 #pragma once
 
 #include <chrono>
@@ -14,9 +14,10 @@ namespace icbench {
 template <class Above, class Below>
 class QueryRatio : public Experiment {
  public:
-  explicit QueryRatio(const Machine& machine)
+  /// `workload`: a read-only one, with 10^5 records unless it says otherwise.
+  explicit QueryRatio(const Machine& machine, std::string_view workload = "read_only")
       : rays_(make_scene("cornell_box")),
-        plan_(parse_workload("read_only"), rays_, machine.seed),
+        plan_(parse_workload(workload), rays_, machine.seed),
         above_(plan_.config(1)),
         below_(plan_.config(1)),
         random_(machine.seed) {

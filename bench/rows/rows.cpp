@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <tuple>
+
 #include "rows/animations.h"
 
 namespace icbench {
@@ -18,6 +20,64 @@ void add_latencies(std::vector<Row>& rows) {
                      power),
          Relation::at_most, 1.15,
          [inserts](const Machine& machine) { return snapshot_latency(machine, inserts); }});
+  }
+}
+
+// The packed octree against the structure of the thesis, its own parts against each other, and its price.
+void add_packed(std::vector<Row>& rows) {
+  const auto add = [&](std::string name, std::string what, Relation relation, double target, auto make) {
+    rows.push_back({std::move(name), std::move(what), relation, target, make});
+  };
+  struct Reading {
+    std::string_view suffix, words, workload;
+  };
+  constexpr Reading kRandom{"", "10^5 records, random points", "read_only"};
+  constexpr Reading kCoherent{"_coherent", "10^5 records, points of an image", "read_only:order=coherent"};
+  constexpr Reading kMillion{"_million", "10^6 records, random points", "read_only:records=1000000"};
+  const auto over_ward = [&](const Reading& r, double target) {
+    add(fmt::format("packed_query_speed{}", r.suffix),
+        fmt::format("time of a wait_free query / of a packed_wait_free one; {}, 1 thread", r.words),
+        Relation::at_least, target,
+        [r](const Machine& machine) { return packed_query_over_ward(machine, r.workload); });
+  };
+  over_ward(kRandom, 12.0);
+  over_ward(kMillion, 15.0);
+  add("packed_query_over_twin",
+      "time of a packed_wait_free query / of its unsynchronised twin; 10^5 records, 1 thread",
+      Relation::at_most, 1.05, packed_query_over_twin);
+  add("packed_snapshot_query",
+      "time of a packed_wait_free_snapshot query / of a packed_wait_free one; read-only, 1 thread",
+      Relation::at_most, 1.08, packed_snapshot_query);
+  const auto over_scalar = [&](const Reading& r, double target) {
+    add(fmt::format("packed_simd_speed{}", r.suffix),
+        fmt::format("time of a packed_wait_free query by scalar code / by vectors; {}, 1 thread", r.words),
+        Relation::at_least, target,
+        [r](const Machine& machine) { return packed_scalar_over_simd(machine, r.workload); });
+  };
+  over_scalar(kRandom, 3.0);
+  over_scalar(kCoherent, 3.3);
+  add("packed_batch_speed",
+      fmt::format("time of single queries of packed_wait_free / of the same in a batch; {}, 1 thread",
+                  kRandom.words),
+      Relation::at_least, 1.4,
+      [kRandom](const Machine& machine) { return packed_single_over_batch(machine, kRandom.workload); });
+  for (const auto& [records, words, target] :
+       {std::tuple{100'000u, "10^5", 5.0}, std::tuple{1'000'000u, "10^6", 8.0}}) {
+    add(fmt::format("packed_insert_over_ward_{}", records),
+        fmt::format("time to insert {} records into packed_wait_free / into wait_free; 1 thread", words),
+        Relation::at_most, target,
+        [records = records](const Machine& machine) { return packed_insert_over_ward(machine, records); });
+    add(fmt::format("packed_memory_{}", records),
+        fmt::format("bytes a record of packed_wait_free with {} of them / 150", words), Relation::at_most,
+        1.0, [records = records](const Machine& machine) { return packed_memory(machine, records); });
+  }
+  add("packed_snapshot_mix",
+      "throughput of packed_wait_free_snapshot / of packed_wait_free; mix 90/10 on all processing units",
+      Relation::at_least, 0.90, packed_snapshot_mix);
+  for (const std::string_view lock : {"packed_global_mutex", "packed_shared_mutex", "packed_spin_rw_mutex"}) {
+    add(fmt::format("packed_over_{}", lock.substr(7)),
+        fmt::format("miss-driven throughput at 1 us a record, 4 threads a unit: packed_wait_free / {}", lock),
+        Relation::at_least, 1.6, [lock](const Machine& machine) { return packed_over_lock(machine, lock); });
   }
 }
 
@@ -91,6 +151,7 @@ std::vector<Row> all_rows() {
           Relation::at_least, 0.85, vpl_gather_over_bare_rays},
   };
   add_latencies(rows);
+  add_packed(rows);
   add_animations(rows);
   return rows;
 }

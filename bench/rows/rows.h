@@ -18,6 +18,21 @@ std::unique_ptr<Experiment> cached_mean_ratio(const Machine& machine);
 std::unique_ptr<Experiment> checker_speed(const Machine& machine);
 std::unique_ptr<Experiment> vpl_gather_over_bare_rays(const Machine& machine);
 
+/// Queries of the packed octree on a read-only workload: of wait_free over them, of the wait-free one over its
+/// unsynchronised twin, of linearizable over regular ones, of scalar code over vectors, and single over batched.
+std::unique_ptr<Experiment> packed_query_over_ward(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine);
+std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine);
+std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> packed_single_over_batch(const Machine& machine, std::string_view workload);
+/// Its inserts over those of wait_free, and its memory, all told, over 150 bytes a record.
+std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std::uint32_t records);
+std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t records);
+/// Throughput of its linearizable queries over that of regular ones, and of wait-free access over that of a lock around
+/// the same structure, by its registry name.
+std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine);
+std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string_view cache);
+
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();
 

@@ -64,6 +64,8 @@ class Direct {
     return bytes;
   }
 
+  /// Queries under way at once in a batch, where the structure does that.
+  static constexpr std::size_t kBatch = batch_of<Structure>();
   /// Step bounds (caches/session.h), of structures that are wait-free.
   std::uint32_t insert_steps(const Record& r) const noexcept {
     return structure_.insert_steps(r) + Tickets::kSteps;
@@ -87,6 +89,11 @@ class Direct {
   template <class F>
   void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
     structure_.visit(x, config_.a, s.counters, f);
+  }
+
+  template <class F>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, F&& f) noexcept {
+    structure_.visit_batch(points, config_.a, s.counters, f);
   }
 
   bool insert(State& s, const Record& r) noexcept {

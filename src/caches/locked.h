@@ -60,6 +60,9 @@ class Locked {
     structure_.for_each(f);
   }
 
+  /// Queries under way at once in a batch, where the structure does that.
+  static constexpr std::size_t kBatch = batch_of<Structure>();
+
   std::size_t memory_bytes() const { return sessions_.bytes() + Structure::bytes(workspace_); }
   Counts counters() const { return sessions_.counts(); }
   void reset_counters() { sessions_.reset_counters(); }
@@ -72,6 +75,13 @@ class Locked {
   void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
     typename Policy::Read scope(mutex_, s.counters);
     structure_.visit(x, config_.a, s.counters, f);
+  }
+
+  // One acquisition for all of them.
+  template <class F>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, F&& f) noexcept {
+    typename Policy::Read scope(mutex_, s.counters);
+    structure_.visit_batch(points, config_.a, s.counters, f);
   }
 
   bool insert(State& s, const Record& r) noexcept {

@@ -10,6 +10,7 @@
 #include "caches/local_write.h"
 #include "caches/locked.h"
 #include "caches/null_cache.h"
+#include "caches/packed_octree.h"
 #include "caches/ward_tree.h"
 
 // clang-format off
@@ -25,7 +26,14 @@
   X(node_lock, NodeLockCache)       \
   X(local_write, LocalWriteCache)   \
   X(wait_free, WaitFree)            \
-  X(wait_free_snapshot, WaitFreeSnapshot)
+  X(wait_free_snapshot, WaitFreeSnapshot) \
+  X(packed_sequential, PackedSequential) \
+  X(packed_global_mutex, PackedGlobalMutex) \
+  X(packed_shared_mutex, PackedSharedMutex) \
+  X(packed_spin_rw_mutex, PackedSpinRwMutex) \
+  X(packed_local_write, PackedLocalWrite) \
+  X(packed_wait_free, PackedWaitFree) \
+  X(packed_wait_free_snapshot, PackedWaitFreeSnapshot)
 // clang-format on
 
 namespace icbench {
@@ -54,6 +62,23 @@ template <class Counters = NoCounters>
 using WaitFree = Direct<WardTree<StdSync>, Counters>;
 template <class Counters = NoCounters>
 using WaitFreeSnapshot = Direct<WardTree<StdSync, NoNodeLock, Snapshot>, Counters>;
+
+using PlainPacked = Packed<PlainSync>;
+
+template <class Counters = NoCounters>
+using PackedSequential = Direct<PlainPacked, Counters>;
+template <class Counters = NoCounters>
+using PackedGlobalMutex = Locked<PlainPacked, GlobalMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedSharedMutex = Locked<PlainPacked, SharedMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedSpinRwMutex = Locked<PlainPacked, SpinRwMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedLocalWrite = LocalWrite<Packed<StdSync>, PlainPacked, Counters>;
+template <class Counters = NoCounters>
+using PackedWaitFree = Direct<Packed<StdSync>, Counters>;
+template <class Counters = NoCounters>
+using PackedWaitFreeSnapshot = Direct<Packed<StdSync, Snapshot>, Counters>;
 
 #define ICBENCH_CHECK(id, Type)                                                            \
   static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache"); \

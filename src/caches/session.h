@@ -51,7 +51,17 @@ class Session {
   }
 
   void query_batch(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {
-    for (std::size_t i = 0; i < points.size(); ++i) out[i] = query(points[i]);
+    if constexpr (requires {
+                    requires Cache::kBatch >
+                    1;
+                  }) {
+      for (std::size_t i = 0; i < points.size(); i += Cache::kBatch) {
+        const std::size_t n = std::min(Cache::kBatch, points.size() - i);
+        query_some(points.subspan(i, n), out.subspan(i, n));
+      }
+    } else {
+      for (std::size_t i = 0; i < points.size(); ++i) out[i] = query(points[i]);
+    }
   }
 
   InsertResult insert(const Record& r) noexcept {
@@ -71,6 +81,29 @@ class Session {
   void prefault(std::uint32_t n) noexcept { cache_->prefault(*state_, n); }
 
  private:
+  /// `query` for as many points as the cache can have under way at once, or fewer.
+  void query_some(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {
+    auto& counters = state_->counters;
+    counters.template add<&Counts::queries>(points.size());
+    std::array<SurfacePoint, Cache::kBatch> askable;
+    std::array<std::size_t, Cache::kBatch> which;
+    std::array<Interpolator, Cache::kBatch> interpolators;
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      out[i] = std::nullopt;
+      if (!is_askable(points[i], cache_->config().bounds)) continue;
+      askable[n] = points[i];
+      which[n++] = i;
+    }
+    counters.template add<&Counts::invalid_queries>(points.size() - n);
+    cache_->visit_batch(*state_, std::span(askable).first(n),
+                        [&](std::size_t i, const Record& r, float weight) { interpolators[i](r, weight); });
+    for (std::size_t i = 0; i < n; ++i) {
+      out[which[i]] = interpolators[i].result();
+      counters.template add<&Counts::hits>(out[which[i]].has_value());
+    }
+  }
+
   Cache* cache_;
   State* state_;
 };
@@ -122,6 +155,16 @@ class SessionTable {
   std::uint32_t size_;
   std::unique_ptr<Slot[]> slots_;
 };
+
+/// Queries that `Structure` can have under way at once: 1 if it has no visit_batch.
+template <class Structure>
+constexpr std::size_t batch_of() noexcept {
+  if constexpr (requires { Structure::kBatch; }) {
+    return Structure::kBatch;
+  } else {
+    return 1;
+  }
+}
 
 /// Most steps of a visit to a wait-free structure, list by list as far as each reached.
 template <class Structure>

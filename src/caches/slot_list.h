@@ -1,4 +1,5 @@
-// An append-only list of records that any number of threads extend and read at once: what a node of a tree keeps.
+// An append-only list of items, records as a rule, that any number of threads extend and read at once: what a node of a
+// tree keeps.
 //
 // A slot's place is fixed by one fetch_add on the list's count; nothing is retried. Slots lie in segments that are
 // installed when first needed: six chunks of 4, 8, ... 128 slots, then directories of height 1, 2 and 3 over blocks of
@@ -7,7 +8,7 @@
 //
 // Publication pairs
 //
-//   P1  publish -> shows, by the slot's mark (caches/visibility.h); publishes the record
+//   P1  publish -> shows, by the slot's mark (caches/visibility.h); publishes the item
 //
 //   P3  install: link CAS release          -> follow, visit: link load acquire; publishes the segment, and with it the
 //                                             zeroing of its memory by a reset in another thread
@@ -48,8 +49,8 @@ UnitIndex install(typename Sync::template Atomic<UnitIndex>& word, UnitIndex fre
 }
 
 /// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists, `Visibility`
-/// (caches/visibility.h) says when a query sees a record.
-template <class Sync, class PoolSync, class Visibility>
+/// (caches/visibility.h) says when a query sees an item.
+template <class Sync, class PoolSync, class Visibility, class Item = Record>
 class SlotPool {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
@@ -75,23 +76,23 @@ class SlotPool {
     Atomic<UnitIndex> next;  // of chunks and top directories: the following segment
     std::uint32_t padding[3];
     Mark* marks() noexcept { return reinterpret_cast<Mark*>(this + 1); }
-    Record* records(int kind) noexcept { return reinterpret_cast<Record*>(marks() + slots_of(kind)); }
+    Item* items(int kind) noexcept { return reinterpret_cast<Item*>(marks() + slots_of(kind)); }
     Atomic<UnitIndex>* entries() noexcept { return reinterpret_cast<Atomic<UnitIndex>*>(this + 1); }
   };
   static_assert(sizeof(Segment) == kUnitBytes, "a segment's header is one pool unit");
-  static_assert(alignof(Mark) <= kUnitBytes && sizeof(Mark) % alignof(Record) == 0,
-                "marks and records lie side by side");
+  static_assert(alignof(Mark) <= kUnitBytes && sizeof(Mark) % alignof(Item) == 0,
+                "marks and items lie side by side");
 
   struct Slot {
     Mark* mark;
-    Record* record;
+    Item* item;
     bool is_empty() const noexcept { return mark->word.load(std::memory_order_relaxed) == 0; }  // quiescent
   };
 
   static constexpr std::uint32_t slots_of(int kind) noexcept { return kFirst << kind; }
   static constexpr std::uint32_t units_of(int kind) noexcept {
     const std::uint32_t bytes = kind == kDirectory ? (1u << kFanBits) * sizeof(UnitIndex)
-                                                   : slots_of(kind) * (sizeof(Mark) + sizeof(Record));
+                                                   : slots_of(kind) * (sizeof(Mark) + sizeof(Item));
     return 1 + (bytes + kUnitBytes - 1) / kUnitBytes;
   }
   static constexpr std::uint32_t kPiece = 1024;  // 16 KiB
@@ -141,53 +142,80 @@ class SlotPool {
 
   explicit SlotPool(std::uint64_t units) : pool_(units) {}
 
-  /// Stores a record; false if the pool is used up, and then no visit ever sees anything of it.
+  /// A slot that has been handed out to one thread and is not visible yet; none is false.
+  class Place {
+    friend SlotPool;
+    Mark* mark_;
+    Item* item_;
+
+   public:
+    explicit operator bool() const noexcept { return mark_ != nullptr; }
+  };
+
+  /// Stores an item; false if the pool is used up, and then no visit ever sees anything of it.
   template <class Counters>
-  bool append(Workspace& workspace, List& list, const Record& r, Counters& counters) noexcept {
+  bool append(Workspace& workspace, List& list, const Item& item, Counters& counters) noexcept {
+    const Place place = reserve(workspace, list, counters);
+    if (!place) return false;
+    publish(place, item);
+    return true;
+  }
+
+  /// The first half of `append`, all of its steps but the last kPublishSteps.
+  template <class Counters>
+  Place reserve(Workspace& workspace, List& list, Counters& counters) noexcept {
+    const Place none{};
     // Relaxed: the count only fixes places and extents; what lies behind it is published by P1 and P3. The load keeps
     // the count from wrapping round.
-    if (list.count.load(std::memory_order_relaxed) >= kMaxCount) return false;
-    const Place at = place_of(list.count.fetch_add(1, std::memory_order_relaxed));
+    if (list.count.load(std::memory_order_relaxed) >= kMaxCount) return none;
+    const Address at = address_of(list.count.fetch_add(1, std::memory_order_relaxed));
     Atomic<UnitIndex>* link = &list.head;
     Segment* s = nullptr;
     for (int k = 0; k <= at.segment; ++k) {
       s = follow(workspace, *link, kind_of(k), counters);
-      if (s == nullptr) return false;
+      if (s == nullptr) return none;
       link = &s->next;
     }
     for (int level = at.segment - kChunks + 1; level > 0; --level) {
       s = follow(workspace, s->entries()[digit(at.rest, level)], level == 1 ? kBlock : kDirectory, counters);
-      if (s == nullptr) return false;
+      if (s == nullptr) return none;
     }
     const Slot slot = at.slot_in(*s);
-    Sync::writes(slot.record, sizeof r);
-    *slot.record = r;
-    marks_.publish(*slot.mark);
-    return true;
+    Place place;
+    place.mark_ = slot.mark;
+    place.item_ = slot.item;
+    return place;
+  }
+
+  /// The second half, which cannot fail.
+  void publish(const Place& place, const Item& item) noexcept {
+    Sync::writes(place.item_, sizeof item);
+    *place.item_ = item;
+    marks_.publish(*place.mark_);
   }
 
   /// What a query has to read before it visits its first list.
   typename Marks::Moment moment() const noexcept { return marks_.moment(); }
 
-  /// Calls f(const Record&) for every record of a list that is visible at `moment`, as far as the list reached when the
+  /// Calls f(const Item&) for every item of a list that is visible at `moment`, as far as the list reached when the
   /// visit began.
   template <class F>
   void visit(const List& list, typename Marks::Moment moment, F&& f) noexcept {
     for_each_slot(list, [&](const Slot& slot) {
       if (!marks_.shows(*slot.mark, moment)) return;
-      Sync::reads(slot.record, sizeof(Record));
-      f(static_cast<const Record&>(*slot.record));
+      Sync::reads(slot.item, sizeof(Item));
+      f(static_cast<const Item&>(*slot.item));
     });
   }
 
-  /// Calls f(const Record&) for every record of a list. Quiescent.
+  /// Calls f(const Item&) for every item of a list. Quiescent.
   template <class F>
   void for_each(const List& list, F&& f) const {
     for_each_slot(list, [&](const Slot& slot) {
-      if (!slot.is_empty()) f(static_cast<const Record&>(*slot.record));
+      if (!slot.is_empty()) f(static_cast<const Item&>(*slot.item));
     });
   }
-  /// f(Record&) -> UpdateResult for every record of a list; what is kept moves up into the places of what is dropped.
+  /// f(Item&) -> UpdateResult for every item of a list; what is kept moves up into the places of what is dropped.
   /// Quiescent.
   template <class F>
   void update(List& list, F&& f) {
@@ -197,14 +225,14 @@ class SlotPool {
     for (std::uint32_t i = 0; i < end; ++i) {
       const Slot s = slot_at(list, i);
       if (s.mark == nullptr || s.is_empty()) continue;
-      const bool keep = f(*s.record) == UpdateResult::keep;
+      const bool keep = f(*s.item) == UpdateResult::keep;
       const auto mark = s.mark->word.load(std::memory_order_relaxed);
       s.mark->word.store(0, std::memory_order_relaxed);
       if (!keep) continue;
       Slot to = slot_at(list, kept);
       // A segment that could not be had is the last one, unless its successor was got by somebody else: stay put then.
       while (to.mark == nullptr) to = slot_at(list, ++kept);
-      if (to.record != s.record) *to.record = *s.record;
+      if (to.item != s.item) *to.item = *s.item;
       to.mark->word.store(mark, std::memory_order_relaxed);
       ++kept;
     }
@@ -231,17 +259,17 @@ class SlotPool {
 
  private:
   /// Where slot i of a list lies: in chunk `segment`, or under top directory `segment` - kChunks at `rest`.
-  struct Place {
+  struct Address {
     int segment;
     std::uint32_t rest;
     /// The slot in `s`, the chunk or block that holds it.
     Slot slot_in(Segment& s) const noexcept {
       const std::uint32_t i = segment < kChunks ? rest : rest & ((1u << kFanBits) - 1);
-      return {s.marks() + i, s.records(std::min(segment, kBlock)) + i};
+      return {s.marks() + i, s.items(std::min(segment, kBlock)) + i};
     }
   };
 
-  static Place place_of(std::uint32_t i) noexcept {
+  static Address address_of(std::uint32_t i) noexcept {
     if (i < kInChunks) {
       const int k = std::bit_width(i / kFirst + 1) - 1;
       return {k, i - kFirst * ((1u << k) - 1)};
@@ -315,8 +343,8 @@ class SlotPool {
     if (height == 0) {
       const std::uint32_t here = std::min(left, slots_of(chunk));
       Mark* marks = s.marks();
-      Record* records = s.records(chunk);
-      for (std::uint32_t i = 0; i < here; ++i) f(Slot{marks + i, records + i});
+      Item* items = s.items(chunk);
+      for (std::uint32_t i = 0; i < here; ++i) f(Slot{marks + i, items + i});
       left -= here;
       return;
     }
@@ -332,7 +360,7 @@ class SlotPool {
 
   /// Slot i; nowhere if its segment is missing. Quiescent.
   Slot slot_at(const List& list, std::uint32_t i) const noexcept {
-    const Place at = place_of(i);
+    const Address at = address_of(i);
     UnitIndex at_unit = list.head.load(std::memory_order_relaxed);  // relaxed, as the loads below: quiescent
     for (int k = 0; k < at.segment && at_unit != 0; ++k)
       at_unit = segment(at_unit).next.load(std::memory_order_relaxed);

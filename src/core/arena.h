@@ -27,13 +27,18 @@ using UnitIndex = std::uint32_t;
 template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
-  /// Reserves address space for `units` units. Fails at set-up with one line if the system has none.
-  explicit Arena(std::uint64_t units) : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
+  /// Reserves address space for `units` units, on large pages if the system has them for who asks. Fails at set-up with one
+  /// line if the system has none.
+  explicit Arena(std::uint64_t units, bool on_large_pages = false)
+      : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
     void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE,
                           MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (memory == MAP_FAILED)
       fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
     base_ = static_cast<std::byte*>(memory);
+#if defined(MADV_HUGEPAGE)
+    if (on_large_pages) ::madvise(memory, bytes(units_), MADV_HUGEPAGE);  // advice: may be refused
+#endif
   }
   ~Arena() { ::munmap(base_, bytes(units_)); }
   Arena(const Arena&) = delete;

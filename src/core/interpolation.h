@@ -21,6 +21,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <optional>
 
@@ -62,6 +63,16 @@ inline float split_sphere_weight(const SurfacePoint& x, const Record& r, float a
   const float error = split_sphere_error(x, r);
   if (!(error < a) || lies_in_front(x, r)) return 0.0f;
   return 1.0f / std::max(error, kMinError);
+}
+
+/// The same number, computed without branches: for records that are valid as a rule, but not so surely that a processor
+/// could tell beforehand.
+inline float likely_split_sphere_weight(const SurfacePoint& x, const Record& r, float a) noexcept {
+  const float error = split_sphere_error(x, r);
+  const float weight = 1.0f / std::max(error, kMinError);
+  const auto is_valid =
+      static_cast<std::uint32_t>(error < a) & static_cast<std::uint32_t>(!lies_in_front(x, r));
+  return std::bit_cast<float>(std::bit_cast<std::uint32_t>(weight) & (0u - is_valid));
 }
 
 /// Sums weighted records into an interpolated irradiance.

@@ -42,6 +42,14 @@ class OctreeAddressing {
     return {quantise(p.x - origin_.x), quantise(p.y - origin_.y), quantise(p.z - origin_.z)};
   }
 
+  /// `p` in units of the smallest cell, not rounded to one.
+  glm::vec3 to_grid(const glm::vec3& p) const noexcept {
+    return {(p.x - origin_.x) * scale_, (p.y - origin_.y) * scale_, (p.z - origin_.z) * scale_};
+  }
+
+  /// A length of `r` metres in units of the smallest cell; may be infinite.
+  float to_grid(float r) const noexcept { return r * scale_; }
+
   /// Level at which a record of extent `r` metres is stored, 0 (root) to kMaxLevel.
   int level_for(float r) const noexcept {
     const float cells = side_ / (2.0f * r);  // infinite for a denormal r: the smallest cell
