@@ -86,7 +86,7 @@ class TemporalMemory : public Experiment {
   Sample sample() override {
     const PassFigures figures = temporal_.render(frame_++).pass;
     return {static_cast<double>(figures.bytes_beside_cache) / static_cast<double>(figures.records) /
-            (64.0 + kAnimations[0].vpls / 8.0)};
+            (64.0 + static_cast<double>(figures.vpls_in_use) / 8.0)};
   }
 
  private:

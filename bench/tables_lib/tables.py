@@ -198,7 +198,7 @@ def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
     result = results[0]
     later = _frames(result)[1:]
     records, extra = _get(result, "records"), _get(result, "bytes_beside_cache")
-    allowed = plan.vpls / 8 + 64
+    allowed = (_get(result, "vpls_in_use") or plan.vpls) / 8 + 64
     sums = {
         key: sum(_get(f, key) or 0 for f in later)
         for key in ("records_kept", "records_updated", "records_dropped", "light_paths",

@@ -54,6 +54,7 @@ void add(FrameCost& sum, const FrameCost& cost) {
   to.light_paths = from.light_paths;
   to.light_paths_retraced += from.light_paths_retraced;
   to.bytes_beside_cache = from.bytes_beside_cache;
+  to.vpls_in_use = from.vpls_in_use;
   to.lock_wait_ns += from.lock_wait_ns;
   sum.threads = cost.threads;
 }

@@ -134,6 +134,7 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
   if (integrator.uses_vpls) {
     j["light_paths"] = p.light_paths;
     j["light_paths_retraced"] = p.light_paths_retraced;
+    j["vpls_in_use"] = p.vpls_in_use;
   }
 }
 

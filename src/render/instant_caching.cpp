@@ -45,6 +45,7 @@ Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Visible& x
 
 void InstantCachingSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures.light_paths_retraced = vpls_.paths();
+  figures.vpls_in_use = vpls_.count();
 }
 
 std::unique_ptr<RecordSource> make_instant_caching(const PassSetup& setup) {

@@ -21,6 +21,7 @@ class InstantGiPass final : public IndirectPass {
   PassFigures figures() const override {
     PassFigures figures;
     figures.light_paths = figures.light_paths_retraced = vpls_.paths();
+    figures.vpls_in_use = vpls_.count();
     return figures;
   }
 

@@ -10,7 +10,7 @@
 namespace icbench {
 namespace {
 
-constexpr std::size_t kElevations = 3, kAzimuths = 8;
+constexpr std::size_t kElevations = 3, kAzimuths = 7;
 static_assert(kElevations * kAzimuths == kRadiusRays);
 
 constexpr float kNearest = 1e-4f;  // of the diagonal

@@ -17,7 +17,7 @@
 
 namespace icbench {
 
-inline constexpr std::size_t kRadiusRays = 24;
+inline constexpr std::size_t kRadiusRays = 21;
 
 /// A distance for each ray, in steps.
 using DistanceCodes = std::array<std::uint8_t, kRadiusRays>;

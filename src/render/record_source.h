@@ -36,6 +36,7 @@ struct PassFigures {
   std::uint64_t records_dropped = 0;  ///< of those, removed
   std::uint64_t light_paths = 0;      ///< that the virtual lights come from
   std::uint64_t light_paths_retraced = 0;
+  std::uint64_t vpls_in_use = 0;  ///< virtual lights there are: about as many as were asked for
   std::uint64_t lock_wait_ns = 0;        ///< nanoseconds that threads waited for the cache's locks
   std::uint64_t bytes_beside_cache = 0;  ///< kept for records beside what the cache keeps
 };

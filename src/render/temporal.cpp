@@ -295,6 +295,7 @@ void TemporalSource::report(PassFigures& figures) const noexcept {
   figures.records_dropped = figures_.records_dropped;
   figures.light_paths = figures_.light_paths;
   figures.light_paths_retraced = figures_.light_paths_retraced;
+  figures.vpls_in_use = vpls_.count();
   figures.bytes_beside_cache = table_.bytes();
 }
 

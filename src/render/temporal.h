@@ -23,11 +23,11 @@
 // worked out before, and is looked up by id.
 //
 // Records that no pixel uses any more: when the number of records has doubled since this was last done (and grown by
-// kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and the others are dropped as the next frame
-// begins. So their number stays below twice the number in use, and a frame's new ones, for ever; between such frames
-// queries tell nothing and nothing is paid for.
+// kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and
+// the others are dropped as the next frame begins. So their number stays below twice the number in use, and a frame's
+// new ones, for ever; between such frames queries tell nothing and nothing is paid for.
 //
-// Memory beside the cache's: 64 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
+// Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
 #pragma once
 
 #include <atomic>
