@@ -354,8 +354,8 @@ class Packed {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
   }
 
-  /// Whether large pages are worth the time it takes to clear one.
-  static bool is_large(const CacheConfig& config) noexcept { return config.capacity >= 1u << 14; }
+  /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
+  static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
 
   /// The root's node and cell. Quiescent.
   void plant() noexcept {
