@@ -11,7 +11,7 @@
 // are not there, so a query waits for memory once a level, then for the cells all at once, then for the records.
 //
 // Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full as
-// well, into their lists. A second split would not pay: a child is at most 3 reaches wide, so most of what is listed there
+// well, into their lists. A second split would not pay: a child is at most 2.5 reaches wide, so most of what is listed there
 // is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and their records are
 // tested one by one.
 //
@@ -25,7 +25,7 @@
 //   4  marks the record (caches/visibility.h)         it is there, in all cells at once
 //
 // If memory runs out in 1 or 2, what was reserved stays empty, the place goes to the session's next insert, and nothing
-// was linked; 3 and 4 cannot fail. Lanes handed to failed inserts are lost until `clear`, as are nodes without records.
+// was linked; 3 and 4 cannot fail. Lanes handed to failed inserts are lost until records are dropped or cleared, nodes without records until `clear`.
 //
 // Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P3 that of the list (caches/slot_list.h)
 //
@@ -354,8 +354,8 @@ class Packed {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
   }
 
-  /// Whether large pages are worth the time it takes to clear one.
-  static bool is_large(const CacheConfig& config) noexcept { return config.capacity >= 1u << 14; }
+  /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
+  static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
 
   /// The root's node and cell. Quiescent.
   void plant() noexcept {
