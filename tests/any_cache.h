@@ -9,6 +9,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <ostream>
 #include <span>
 #include <string>
 #include <vector>
@@ -48,6 +49,8 @@ class AnyCache {
   struct Maker {
     CacheTraits traits;
     std::unique_ptr<CacheFunctions> (*make)(const CacheConfig& config);
+
+    friend void PrintTo(const Maker& maker, std::ostream* out) { *out << maker.traits.name; }
   };
 
   class Session {

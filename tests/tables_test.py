@@ -33,7 +33,7 @@ import pictures  # noqa: E402
 import tables  # noqa: E402
 from plan import Planner  # noqa: E402
 
-SMALL = ("--quick", "--size", "4x3", "--threads", "1,2", "--icbench", str(FAKE))
+SMALL = ("--quick", "--size", "4x3", "--threads", "1,2", "--accuracy", "0.2", "--icbench", str(FAKE))
 # What --quick is in the tests.
 SCALE = options.Scale((4, 3), frames=3, rounds=3, reference_spp=8, vpl_counts=(64, 128, 256, 512),
                       vpl_seeds=1, super_spp=4, converged_vpls=1024, converged_frames=2, few_vpls=(32, ),
