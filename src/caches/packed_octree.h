@@ -612,11 +612,11 @@ class Packed {
     std::uint64_t mask = 0;
     std::uint32_t kept = 0;
     for (std::uint64_t rest = c.mask.load(std::memory_order_relaxed); rest != 0; rest &= rest - 1) {
-      const LanePlace from(chunks, static_cast<std::uint32_t>(std::countr_zero(rest)));
+      const LanePlace<std::uint32_t> from(chunks, static_cast<std::uint32_t>(std::countr_zero(rest)));
       if (is_empty(at(from.word[2 * from.stride]))) continue;
-      LanePlace to(chunks, kept);
+      LanePlace<std::uint32_t> to(chunks, kept);
       // A chunk that could not be had leaves a gap.
-      while (to.word == nullptr) to = LanePlace(chunks, ++kept);
+      while (to.word == nullptr) to = LanePlace<std::uint32_t>(chunks, ++kept);
       for (std::uint32_t w = 0; w < 3; ++w) to.word[w * to.stride] = from.word[w * from.stride];
       mask |= std::uint64_t{1} << kept++;
     }
