@@ -232,12 +232,12 @@ int run_program(int argc, char** argv) {
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
     if (replay->count() > 0) return print_replay(options.replay);
     if (json->count() > 0) require_writable(options.json);
+    Run run(options);  // refuses names that nobody knows, before anything else is said
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
     if (!options.campaign.use_tsc)
       fmt::print(stderr,
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
-    Run run(options);
     const Report& report = run.run();
     const bool passed = report.print();
     if (json->count() > 0) write_json(options.json, report.to_json());
