@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <tuple>
+#include <utility>
 
 #include "rows/animations.h"
 
@@ -34,33 +35,25 @@ void add_packed(std::vector<Row>& rows) {
   constexpr Reading kRandom{"", "10^5 records, random points", "read_only"};
   constexpr Reading kCoherent{"_coherent", "10^5 records, points of an image", "read_only:order=coherent"};
   constexpr Reading kMillion{"_million", "10^6 records, random points", "read_only:records=1000000"};
-  const auto over_ward = [&](const Reading& r, double target) {
-    add(fmt::format("packed_query_speed{}", r.suffix),
-        fmt::format("time of a wait_free query / of a packed_wait_free one; {}, 1 thread", r.words),
-        Relation::at_least, target,
-        [r](const Machine& machine) { return packed_query_over_ward(machine, r.workload); });
+  const auto add_reading = [&](std::string_view name, std::string_view what, const Reading& r, double target,
+                               auto make) {
+    add(fmt::format("{}{}", name, r.suffix), fmt::format("{}; {}, 1 thread", what, r.words),
+        Relation::at_least, target, [r, make](const Machine& machine) { return make(machine, r.workload); });
   };
-  over_ward(kRandom, 12.0);
-  over_ward(kMillion, 15.0);
+  for (const auto& [reading, target] : {std::pair{kRandom, 12.0}, std::pair{kMillion, 15.0}})
+    add_reading("packed_query_speed", "time of a wait_free query / of a packed_wait_free one", reading,
+                target, packed_query_over_ward);
   add("packed_query_over_twin",
       "time of a packed_wait_free query / of its unsynchronised twin; 10^5 records, 1 thread",
       Relation::at_most, 1.05, packed_query_over_twin);
   add("packed_snapshot_query",
       "time of a packed_wait_free_snapshot query / of a packed_wait_free one; read-only, 1 thread",
       Relation::at_most, 1.08, packed_snapshot_query);
-  const auto over_scalar = [&](const Reading& r, double target) {
-    add(fmt::format("packed_simd_speed{}", r.suffix),
-        fmt::format("time of a packed_wait_free query by scalar code / by vectors; {}, 1 thread", r.words),
-        Relation::at_least, target,
-        [r](const Machine& machine) { return packed_scalar_over_simd(machine, r.workload); });
-  };
-  over_scalar(kRandom, 3.0);
-  over_scalar(kCoherent, 3.3);
-  add("packed_batch_speed",
-      fmt::format("time of single queries of packed_wait_free / of the same in a batch; {}, 1 thread",
-                  kRandom.words),
-      Relation::at_least, 1.4,
-      [kRandom](const Machine& machine) { return packed_single_over_batch(machine, kRandom.workload); });
+  for (const auto& [reading, target] : {std::pair{kRandom, 3.0}, std::pair{kCoherent, 3.3}})
+    add_reading("packed_simd_speed", "time of a packed_wait_free query by scalar code / by vectors", reading,
+                target, packed_scalar_over_simd);
+  add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
+              kRandom, 1.4, packed_single_over_batch);
   for (const auto& [records, words, target] :
        {std::tuple{100'000u, "10^5", 5.0}, std::tuple{1'000'000u, "10^6", 8.0}}) {
     add(fmt::format("packed_insert_over_ward_{}", records),

@@ -68,7 +68,7 @@ enum class Shapes : std::uint8_t {
 /// Rays a thread has traced.
 struct RayCounts {
   std::uint64_t closest = 0;    ///< nearest-hit rays
-  std::uint64_t occlusion = 0;  ///< shadow rays
+  std::uint64_t occlusion = 0;  ///< shadow rays; one asked of still and of moving shapes apart counts twice
 
   std::uint64_t total() const noexcept { return closest + occlusion; }
   RayCounts& operator+=(const RayCounts& o) noexcept {
