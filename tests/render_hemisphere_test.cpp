@@ -120,14 +120,63 @@ TEST(RenderHemisphere, OcclusionHessian) {
   for (const Screen& screen : {Screen{}, Screen{0.25, 0.75}}) {
     const glm::mat2 H = occlusion_hessian(seen_from_origin(kLamp, screen, kFine), 1e-4f);
     const glm::dmat2 exact = bent(kLamp, screen);
-    std::printf("%g %g %g %g | %g %g %g\n", H[0][0], H[0][1], H[1][0], H[1][1], exact[0][0], exact[0][1],
-                exact[1][1]);
     const double size = std::hypot(exact[0][0], exact[1][1], exact[0][1]);
     EXPECT_NEAR(H[0][0], exact[0][0], 0.15 * size);
     EXPECT_NEAR(H[1][1], exact[1][1], 0.15 * size);
     EXPECT_NEAR(H[0][1], exact[0][1], 0.15 * size);
     EXPECT_NEAR(H[0][1], H[1][0], 1e-4 * size);
   }
+}
+
+// What geometry alone allows bounds what this light does.
+TEST(RenderHemisphere, TheGeometricHessianIsNoSmallerThanThatOfAnOpenScene) {
+  Rectangle all_lit{-1e6, 1e6, -1e6, 1e6, 1.5};
+  const Eigen2 worst = magnitudes_of(geometric_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));
+  const Eigen2 real = magnitudes_of(occlusion_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));
+  EXPECT_GT(worst.small, 0.0f);
+  EXPECT_EQ(real.large, 0.0f) << "a plane of one brightness looks the same from everywhere";
+  // Twice as far, a quarter as bent.
+  all_lit.height = 3.0;
+  const Eigen2 farther = magnitudes_of(geometric_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));
+  EXPECT_NEAR(worst.large / farther.large, 4.0f, 1e-3f);
+}
+
+TEST(RenderHemisphere, EigenvaluesAndTheirAxes) {
+  for (const auto& [a, b, d] : {std::array{3.0f, 1.0f, 2.0f},
+                                {-5.0f, 0.5f, 1.0f},
+                                {0.0f, 0.0f, 0.0f},
+                                {1.0f, 0.0f, -1.0f},
+                                {2.0f, 0.0f, 2.0f}}) {
+    const Eigen2 e = magnitudes_of({a, b, b, d});
+    EXPECT_GE(e.large, e.small);
+    EXPECT_NEAR(e.large * e.small, std::abs(a * d - b * b), 1e-5f);
+    const glm::vec2 image(a * e.axis.x + b * e.axis.y, b * e.axis.x + d * e.axis.y);
+    EXPECT_NEAR(glm::length(image), e.large, 1e-5f);
+    EXPECT_NEAR(glm::length(e.axis), 1.0f, 1e-6f);
+  }
+}
+
+// Nothing met, all met at no distance, and light as strong as floats hold.
+TEST(RenderHemisphere, NothingMakesADerivativeThatIsNotFinite) {
+  const auto finite = [](const Hemisphere& seen) {
+    const IrradianceGradients g = gradients_of(seen, 1e-4f);
+    const glm::mat2 H = occlusion_hessian(seen, 1e-4f), G = geometric_hessian(seen, 1e-4f);
+    bool all = true;
+    for (std::size_t c = 0; c < 3; ++c) all &= is_finite(g.translational[c]) && is_finite(g.rotational[c]);
+    for (int i = 0; i < 4; ++i) all &= std::isfinite(H[i / 2][i % 2]) && std::isfinite(G[i / 2][i % 2]);
+    return all;
+  };
+  Hemisphere seen = seen_from_origin(kLamp, {}, {8, 25});
+  for (const float t : {std::numeric_limits<float>::infinity(), 0.0f, 1e-30f, 1e-5f, 1e10f})
+    for (const float L : {0.0f, 1e-30f, 1e20f}) {
+      for (std::size_t i = 0; i < seen.samples.size(); ++i) {
+        seen.samples[i].t = i % 3 == 0 ? 1.0f : t;
+        seen.samples[i].L = glm::vec3(i % 2 == 0 ? L : 0.0f);
+      }
+      EXPECT_TRUE(finite(seen)) << t << " " << L;
+      for (HemisphereSample& s : seen.samples) s.t = t;
+      EXPECT_TRUE(finite(seen)) << t << " " << L;
+    }
 }
 
 }  // namespace

@@ -13,6 +13,8 @@ namespace {
 constexpr float kLeastPixels = 1.5f;
 constexpr float kMostPixels = 20.0f;
 
+constexpr float kMostTurn = 2.0f;  // as of light from one direction 63 degrees off the normal
+
 constexpr float kHessianScale = 0.05f;
 constexpr float kLeastReach = 0.01f;  // of the diagonal, times a
 constexpr float kMostReach = 0.2f;    // of the diagonal
@@ -36,6 +38,17 @@ const InterpolationEntry& find_interpolation(std::string_view name) {
     known += entry.name;
   }
   throw std::runtime_error(fmt::format("unknown interpolation '{}'; the levels are {}", name, known));
+}
+
+void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept {
+  const auto limit = [](glm::vec3& v, float most) {
+    const float length = glm::length(v);
+    if (length > most) v *= most / length;
+  };
+  for (int c = 0; c < 3; ++c) {
+    limit(gradients.translational[static_cast<std::size_t>(c)], E[c] / R);
+    limit(gradients.rotational[static_cast<std::size_t>(c)], E[c] * kMostTurn);
+  }
 }
 
 std::uint32_t RecordDetails::draft(unsigned thread) {
@@ -86,6 +99,14 @@ float RecordShaper::radius(const glm::vec3& p, float mean) const noexcept {
 float RecordShaper::radius(const glm::vec3& p, float mean, const Irradiance& E,
                            const IrradianceGradients& gradients) const noexcept {
   return radius(p, std::min(mean, change_length(E, gradients)));
+}
+
+float RecordShaper::shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
+                                  const IrradianceGradients& gradients, RecordDetail& detail) noexcept {
+  detail.R = limits.clamp(std::min(R, change_length(E, gradients)));
+  detail.gradients = gradients;
+  restrain(detail.gradients, E, detail.R);
+  return detail.R;
 }
 
 float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance& E,

@@ -77,7 +77,17 @@ inline constexpr std::array kInterpolations{
 const InterpolationEntry& find_interpolation(std::string_view name);
 
 constexpr bool extrapolates(Interpolation level) noexcept { return level >= Interpolation::gradients; }
+/// Whether records gathered from virtual point lights can be had at this level: one point's shadow rays tell nothing of
+/// Hessians, and limits on the screen or by neighbours would tie records that live on to where the camera was.
+constexpr bool is_for_vpls(Interpolation level) noexcept {
+  return level == Interpolation::split_sphere || level == Interpolation::gradients;
+}
 constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Interpolation::geometric_hessian; }
+
+/// Scales gradients down where they promise more than a record within its region can hold: with |d| <= a R a channel may
+/// change by a share a, as its normal turns by kMostTurn of itself a radian. A few paths that found much light make such
+/// gradients, and the least radius would let them show.
+void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
 
 /// How much farther than to valid records a cache has to answer, so that a new record finds its neighbours.
 constexpr float search_reach(Interpolation level) noexcept {
@@ -88,6 +98,7 @@ constexpr float search_reach(Interpolation level) noexcept {
 struct RecordDetail {
   IrradianceGradients gradients;
   glm::vec3 major{0.0f};                             ///< unit, in the tangent plane: elliptic regions only
+  float R = 0.0f;                                    ///< metres: records of virtual point lights only
   float inverse_major = 0.0f, inverse_minor = 0.0f;  ///< of the distances to which it is valid, 1/m
 };
 
@@ -95,6 +106,7 @@ struct RecordDetail {
 /// is read by others after they found the record in the cache: the cache's own publication orders the two.
 class RecordDetails {
  public:
+  static constexpr std::uint32_t kBlock = 64;
   static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
 
   /// For `capacity` records at least, drawn by `threads` threads.
@@ -110,6 +122,12 @@ class RecordDetails {
     return blocks_[id / kBlock][id % kBlock];
   }
 
+  /// Makes room for the details of an id that another table gave to this thread, in blocks of kBlock as here.
+  void make_room(std::uint32_t id) {
+    std::unique_ptr<RecordDetail[]>& block = blocks_[id / kBlock];
+    if (!block) block = std::make_unique<RecordDetail[]>(kBlock);
+  }
+
   /// All ids are free again. Quiescent.
   void clear() noexcept;
 
@@ -117,7 +135,6 @@ class RecordDetails {
   std::size_t bytes() const noexcept;
 
  private:
-  static constexpr std::uint32_t kBlock = 64;
   struct alignas(kNoSharing) Purse {
     std::uint32_t next = 0, end = 0;
   };
@@ -139,6 +156,11 @@ class RecordShaper {
 
   /// The camera of this frame, from which screen limits are measured.
   void look_from(const Camera& camera) noexcept;
+
+  /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R, metres:
+  /// no limits on the screen.
+  static float shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
+                             const IrradianceGradients& gradients, RecordDetail& detail) noexcept;
 
   /// R of a record at p with harmonic mean distance `mean` (may be infinite), metres; levels without ellipses.
   float radius(const glm::vec3& p, float mean) const noexcept;

@@ -68,7 +68,7 @@ class SeenPoints {
   SeenPoints(const Hemisphere& seen, float near) noexcept : strata_(seen.strata) {
     float nearest = std::numeric_limits<float>::infinity();
     for (const HemisphereSample& s : seen.samples) nearest = std::min(nearest, s.t);
-    const float far = 1e3f * std::max(nearest, near);
+    const float far = 1e3f * (std::isfinite(nearest) ? std::max(nearest, near) : near);
     corners_.reserve(seen.samples.size());
     for (const HemisphereSample& s : seen.samples) {
       const float t = std::clamp(s.t, near, std::max(far, near));

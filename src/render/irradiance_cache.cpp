@@ -58,6 +58,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
   detail.gradients = gradients_of(w.seen, rays_.epsilon());
   record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
                                          : shaper.radius(record.p, g.R, g.E, detail.gradients);
+  restrain(detail.gradients, record.E, record.R);
   return record;
 }
 
