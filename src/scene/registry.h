@@ -64,8 +64,8 @@ inline constexpr std::array kScenes{
                lit_floor},
     SceneEntry{"sphere_light", "black glowing sphere over a floor: as bright as a point in its centre", true,
                sphere_light},
-    SceneEntry{"integrating_sphere", "lamp in a hollow sphere: even indirect light, uneven direct light", true,
-               integrating_sphere},
+    SceneEntry{"integrating_sphere", "lamp in a hollow sphere: indirect light is even, direct light is not",
+               true, integrating_sphere},
 };
 
 /// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its
