@@ -36,7 +36,7 @@ kShots = {
     "cornell_indirect": Shot(30, 1.4, accuracy=0.1), "cornell_camera": Shot(15, 1.8),
     "cornell_lamp": Shot(30, 2.1, 100), "cornell_paint": Shot(30, 1.9), "conference": Shot(40, 0.75, 100),
     "sibenik": Shot(30, 0.85, 144), "office": Shot(0, 0.95, 100), "white_furnace": Shot(0, 0.8),
-    "lit_floor": Shot(0, 0.9)
+    "lit_floor": Shot(0, 0.9), "sphere_light": Shot(0, 0.9), "integrating_sphere": Shot(0, 0.4)
 }
 
 

@@ -1,20 +1,17 @@
 // icbench compare, called as from the command line, and the suggestions of all subcommands.
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "cli/compare.h"
 #include "core/names.h"
 #include "image/file.h"
 #include "image/image.h"
 #include "temporary_folder.h"
 
 namespace icbench {
-
-void add_compare(CLI::App& app);
-
 namespace {
 
 class Compare : public ::testing::Test {
@@ -32,11 +29,7 @@ class Compare : public ::testing::Test {
     for (std::string& argument : arguments) {
       if (argument.starts_with('%')) argument = folder / argument.substr(1).c_str();
     }
-    CLI::App app;
-    add_compare(app);
-    arguments.insert(arguments.begin(), "compare");
-    std::reverse(arguments.begin(), arguments.end());
-    app.parse(arguments);
+    run_compare(std::move(arguments));
   }
 
   TemporaryFolder folder;

@@ -15,6 +15,7 @@
 #include <tuple>
 #include <vector>
 
+#include "cli/compare.h"
 #include "cli/options.h"
 #include "core/names.h"
 #include "image/file.h"
@@ -295,7 +296,6 @@ void add_viewing(CLI::App* command, Viewing& viewing) {
 
 }  // namespace
 
-/// Registers the subcommand; its callback throws std::runtime_error with one line.
 void add_compare(CLI::App& app) {
   const auto options = std::make_shared<CompareOptions>();
   std::string help = "Metrics, separated by commas:";
@@ -327,6 +327,14 @@ void add_compare(CLI::App& app) {
       ->type_name("FOLDER");
   add_viewing(command, options->viewing);
   command->callback([options] { compare(*options); });
+}
+
+void run_compare(std::vector<std::string> arguments) {
+  CLI::App app;
+  add_compare(app);
+  arguments.insert(arguments.begin(), "compare");
+  std::reverse(arguments.begin(), arguments.end());  // as CLI11 takes them
+  app.parse(std::move(arguments));
 }
 
 }  // namespace icbench

@@ -27,6 +27,8 @@ Scene sibenik();
 Scene office();
 Scene white_furnace();
 Scene lit_floor();
+Scene sphere_light();
+Scene integrating_sphere();
 
 struct SceneEntry {
   std::string_view name;
@@ -60,6 +62,10 @@ inline constexpr std::array kScenes{
                white_furnace},
     SceneEntry{"lit_floor", "black square light over a floor: irradiance by Lambert's formula", true,
                lit_floor},
+    SceneEntry{"sphere_light", "black glowing sphere over a floor: as bright as a point in its centre", true,
+               sphere_light},
+    SceneEntry{"integrating_sphere", "lamp in a hollow sphere: indirect light is even, direct light is not",
+               true, integrating_sphere},
 };
 
 /// Builds a scene of kScenes, or reads one from a file (import_scene.h), which may have notes to give its
