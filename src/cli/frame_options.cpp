@@ -44,6 +44,9 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_whole(app, "--rays", o.rays, 1u, 1u << 20, "irradiance_cache: gather rays per record");
   add_whole(app, "--vpls", o.vpls, 1u, 1u << 16, "Virtual point lights, for the integrators that use them");
   add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, at most 1; smaller is finer");
+  add_positive(app, "--cell-size", o.cell_size, 1e4f,
+               "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
+  add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
   add_positive(app, "--exposure", o.exposure, 1e6f,
@@ -87,7 +90,9 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          o.accuracy,
                                                          tiles,
                                                          o.seed,
-                                                         {}});
+                                                         {},
+                                                         o.cell_size,
+                                                         o.paths});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
 }
 
@@ -104,6 +109,10 @@ nlohmann::ordered_json FrameSetup::asked() const {
   if (r.integrator.needs_cache()) {
     j["cache"] = options_.cache;
     j["accuracy"] = shortest_decimal(r.a);
+  }
+  if (r.integrator.uses_cells) {
+    j["cell_size"] = shortest_decimal(r.cell_size);
+    j["paths"] = r.paths;
   }
   if (r.integrator.uses_vpls) {
     j["vpls"] = r.vpls;
@@ -130,6 +139,10 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["bytes_beside_cache"] = p.bytes_beside_cache;
     j["lock_wait_share"] =
         1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
+  }
+  if (integrator.uses_cells) {
+    j["cells"] = p.records;
+    j["full"] = p.use.full;
   }
   if (integrator.uses_vpls) {
     j["light_paths"] = p.light_paths;
