@@ -67,9 +67,8 @@ class HashCellsPass final : public IndirectPass {
     crew_.for_each(tiles_.size(), 1, [&](unsigned thread, Tracer&, std::size_t i) {
       add_tile(primary, tiles_[i], scale, workers_[thread].use);
     });
-    crew_.for_each(tiles_.size(), 1, [&](unsigned, Tracer&, std::size_t i) {
-      show_tile(primary, tiles_[i], scale, out);
-    });
+    crew_.for_each(tiles_.size(), 1,
+                   [&](unsigned, Tracer&, std::size_t i) { show_tile(primary, tiles_[i], scale, out); });
   }
 
   PassFigures figures() const override {
@@ -156,9 +155,9 @@ class HashCellsPass final : public IndirectPass {
   // Of the sample of the pixels that is under way.
   SampleKey key_;
   CellGrid grid_;
-  std::vector<Irradiance> E_;         // by number of the visible point
-  std::vector<std::uint32_t> cells_;  // likewise
-  std::vector<std::uint32_t> extras_; // number of a pixel's first further point
+  std::vector<Irradiance> E_;          // by number of the visible point
+  std::vector<std::uint32_t> cells_;   // likewise
+  std::vector<std::uint32_t> extras_;  // number of a pixel's first further point
 };
 
 }  // namespace
@@ -230,7 +229,9 @@ std::uint64_t CellGrid::fingerprint(const Hit& hit, Pcg32& random) const noexcep
   const Basis frame(hit.n);
   const float u = random.uniform() - 0.5f, v = random.uniform() - 0.5f;
   const glm::dvec3 p = glm::dvec3(hit.p) / edge + glm::dvec3(u * frame.s + v * frame.t) + shift_;
-  const auto whole = [](double x) { return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x))); };
+  const auto whole = [](double x) {
+    return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x)));
+  };
   std::uint64_t direction = 0;
   for (int c = 0; c < 3; ++c)
     direction = direction << 8 | (whole(double{hit.n[c] * kNormalSteps} + 0.5) & 0xff);
