@@ -57,6 +57,13 @@ kCacheStyles = {
     "wait_free_snapshot": CacheStyle(kSky, "s", kSolid),
     "tbb_hash_grid": CacheStyle(kGreen, "s", kDashed),
     "append_log": CacheStyle(kSky, "D", kDashed),
+    # Methods of icbench pareto.
+    "instant_gi": CacheStyle(kVermilion, "s", kSolid),
+    "instant_gi_interleaved": CacheStyle(kOrange, "D", kSolid),
+    "irradiance_cache": CacheStyle(kPurple, "X", kSolid),
+    "instant_caching": CacheStyle(kGreen, "^", kSolid),
+    "temporal_instant_caching": CacheStyle(kBlue, "o", kSolid),
+    "hash_cells": CacheStyle(kSky, "h", kSolid),
 }
 # What a cell of the contention map has room for.
 kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue",

@@ -14,8 +14,12 @@ namespace icbench {
 namespace {
 
 // Normals of one cell agree in each component within one step of 1 / kNormalSteps: walls along the axes lie in the
-// middle of a step, and surfaces that bend are cut every 20 degrees or so.
-constexpr float kNormalSteps = 3.0f;
+// middle of a step, and surfaces that bend are cut every 30 degrees or so.
+constexpr float kNormalSteps = 2.0f;
+
+// How far points are displaced at most, in edges of a cell: a whole edge, as in the source, hides the grid no better
+// and mixes more of what is apart.
+constexpr float kDisplacement = 0.25f;
 
 class HashCellsPass final : public IndirectPass {
  public:
@@ -227,7 +231,8 @@ double CellGrid::edge(const glm::vec3& p) const noexcept {
 std::uint64_t CellGrid::fingerprint(const Hit& hit, Pcg32& random) const noexcept {
   const double edge = this->edge(hit.p);
   const Basis frame(hit.n);
-  const float u = random.uniform() - 0.5f, v = random.uniform() - 0.5f;
+  const float u = kDisplacement * (2.0f * random.uniform() - 1.0f);
+  const float v = kDisplacement * (2.0f * random.uniform() - 1.0f);
   const glm::dvec3 p = glm::dvec3(hit.p) / edge + glm::dvec3(u * frame.s + v * frame.t) + shift_;
   const auto whole = [](double x) {
     return static_cast<std::uint64_t>(static_cast<std::int64_t>(std::floor(x)));

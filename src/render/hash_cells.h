@@ -96,7 +96,7 @@ class CellGrid {
   /// Edge of the cells at a point, metres: a power of two.
   double edge(const glm::vec3& p) const noexcept;
 
-  /// Name of a hit's cell, not 0; `random` displaces the hit by up to half an edge.
+  /// Name of a hit's cell, not 0; `random` displaces the hit in its tangent plane.
   std::uint64_t fingerprint(const Hit& hit, Pcg32& random) const noexcept;
 
  private:
