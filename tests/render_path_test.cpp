@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <atomic>
+#include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -141,8 +141,8 @@ struct CellsRun {
   Image image;
   PassFigures figures;
 };
-CellsRun run_cells(const RayTracer& rays, int size, const SampleKey& key, std::uint32_t paths, float cell_size,
-                   unsigned threads = 1, std::size_t cells = 1 << 13) {
+CellsRun run_cells(const RayTracer& rays, int size, const SampleKey& key, std::uint32_t paths,
+                   float cell_size, unsigned threads = 1, std::size_t cells = 1 << 13) {
   ThreadCrew crew(rays, threads);
   PassSetup setup{rays, crew, size, size};
   setup.paths = paths;

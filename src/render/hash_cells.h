@@ -70,7 +70,8 @@ class CellTable {
   /// All that was added. Quiescent: what was added must have happened before, as it has after Crew::run.
   CellSum sum(std::uint32_t cell) const noexcept;
 
-  /// Makes a cell nobody's. Quiescent but for other calls of sweep, of the same cell too.
+  /// Makes a cell nobody's. Quiescent but for other calls of sweep, of the same cell too. All cells go together: one
+  /// that stays may no longer be found.
   void sweep(std::uint32_t cell) noexcept;
 
  private:

@@ -194,7 +194,7 @@ ParetoStudy::ParetoStudy(const ParetoRequest& request, const std::function<void(
   });
   progress(1.0 * request.reference_spp);
 
-  FrameRequest all = f;
+  FrameRequest all{f.rays, f.team, find_integrator("path"), f.cache, f.width, f.height};
   all.spp = std::max(2u, request.reference_spp / 2);  // two at least: samples are spread over the pixel
   all.light_samples = 1;
   const double step = 5.0 * request.reference_spp / (2.0 * frame_work(all));
