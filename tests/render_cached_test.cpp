@@ -177,5 +177,84 @@ TEST(RenderCached, ItsMeanComesNearTheReferenceAtTheSameHits) {
     EXPECT_NEAR(cached[c] / exact[c], 1.0, 0.03);  // interpolation is biased, by little
 }
 
+// At each level of interpolation, by two threads through the simplest cache of all.
+class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> {
+ protected:
+  struct Run {
+    Image indirect;
+    CacheUse use;
+    std::vector<Record> records;
+  };
+
+  static Run run(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t gather_rays, float a) {
+    ThreadCrew crew(rays, 1);
+    PassSetup setup{rays, crew, primary.width, primary.height};
+    setup.gather_rays = gather_rays;
+    setup.a = a;
+    setup.interpolation = GetParam().level;
+    const auto source = make_irradiance_cache(setup);
+    source->begin_frame({}, crew);
+    ListSession session{.bounds = rays.scene().bounds, .a = search_reach(GetParam().level) * a};
+    Run out{blank(primary.width, primary.height), {}, {}};
+    Tracer tracer(rays);
+    for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
+      irradiance_cache_tile(session, *source, 0, tracer, primary, {}, tile, out.indirect, out.use);
+    out.records = std::move(session.records);
+    return out;
+  }
+};
+
+TEST_P(RenderInterpolation, TheFurnaceStaysWhite) {
+  const RayTracer rays(make_scene("white_furnace"));
+  const PrimaryHits primary = primary_hits(rays, 24, 24);
+  const Run made = run(rays, primary, 1024, 0.3f);
+  EXPECT_GT(made.use.hits, made.use.queries / 4) << "hardly anything was interpolated";
+  Estimate all;
+  for (const glm::vec3& L : made.indirect.pixels) all.add(L.x / (kRho * kRho));
+  EXPECT_NEAR(all.mean(), 1.0, 0.004);
+}
+
+TEST_P(RenderInterpolation, ThePictureIsThatOfAGatherInEveryPixel) {
+  const RayTracer rays(make_scene("cornell_box"));
+  const PrimaryHits primary = primary_hits(rays, 24, 24);
+  const Run made = run(rays, primary, 1024, 0.2f);
+  const Strata strata = Strata::for_rays(1024);
+  Tracer tracer(rays);
+  double sum = 0.0, exact = 0.0, square = 0.0;
+  for (std::size_t i = 0; i < primary.hits.size(); ++i) {
+    const glm::vec3& L = made.indirect.pixels[i];
+    ASSERT_TRUE(L.x >= 0.0f && L.y >= 0.0f && L.z >= 0.0f && std::isfinite(L.x + L.y + L.z));
+    if (!reflects(rays, primary.hits[i])) continue;
+    const glm::vec3 anew =
+        reflected_radiance(rays, primary.hits[i], gather(tracer, primary.hits[i], strata, i).E);
+    sum += L.y;
+    exact += anew.y;
+    square += (L.y - anew.y) * (L.y - anew.y);
+  }
+  const auto pixels = static_cast<double>(primary.hits.size());
+  EXPECT_NEAR(sum / exact, 1.0, 0.015);
+  EXPECT_LT(std::sqrt(square / pixels), 0.15 * exact / pixels);
+}
+
+TEST_P(RenderInterpolation, LightOfAnyBrightnessGivesThePicture) {
+  Scene dim = make_scene("cornell_box"), bright = dim;
+  for (Material& m : dim.materials) m.emission *= 1e-20f;
+  for (Material& m : bright.materials) m.emission *= 1e20f;
+  const RayTracer plain(make_scene("cornell_box")), low(std::move(dim)), high(std::move(bright));
+  const PrimaryHits primary = primary_hits(plain, 12, 12);
+  const Run middle = run(plain, primary, 64, 0.3f), least = run(low, primary, 64, 0.3f),
+            most = run(high, primary, 64, 0.3f);
+  EXPECT_EQ(least.use.inserts, most.use.inserts);
+  for (std::size_t i = 0; i < middle.indirect.pixels.size(); ++i) {
+    EXPECT_NEAR(least.indirect.pixels[i].y * 1e20f, middle.indirect.pixels[i].y,
+                1e-4f * middle.indirect.pixels[i].y);
+    EXPECT_NEAR(most.indirect.pixels[i].y * 1e-20f, middle.indirect.pixels[i].y,
+                1e-4f * middle.indirect.pixels[i].y);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Levels, RenderInterpolation, ::testing::ValuesIn(kInterpolations),
+                         [](const auto& param) { return std::string(param.param.name); });
+
 }  // namespace
 }  // namespace icbench

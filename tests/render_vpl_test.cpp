@@ -310,6 +310,50 @@ TEST(RenderVpl, EveryVplThatABitSaysIsSeenIsSeenByARayOfItsOwn) {
   EXPECT_GT(hidden, 1000u);
 }
 
+// With the same VPLs seen, irradiance is a smooth function of the point, but where the clamp begins.
+TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
+  const RayTracer& rays = cornell_box_rays();
+  const VplSet set = traced_set(rays, 300, 5);
+  const VplArrays& vpls = set.vpls();
+  constexpr float kNoClamp = 1e30f;
+  Tracer tracer(rays);
+  Bits bits(vpls.words());
+  int compared = 0;
+  for (Hit x : reflecting_hits(rays, 8)) {
+    x.p += 0.2f * x.ng;  // off the surface, where no VPL is near
+    trace_visibility(tracer, x, vpls, bits);
+    const IrradianceGradients g = gradients_from(bits, x, vpls, kNoClamp);
+    const float E = irradiance_from(bits, x, vpls, kNoClamp).y;
+    const auto slope = [&](auto&& change, float h) {
+      Hit more = x, less = x;
+      change(more, h);
+      change(less, -h);
+      return (irradiance_from(bits, more, vpls, kNoClamp).y - irradiance_from(bits, less, vpls, kNoClamp).y) /
+             (2 * h);
+    };
+    const Basis basis(x.n);
+    for (const glm::vec3& axis : {basis.s, basis.t}) {
+      const float moved = slope([&](Hit& at, float h) { at.p += h * axis; }, 2e-3f);
+      EXPECT_NEAR(glm::dot(g.translational[1], axis), moved, 0.01f * E + 0.02f * std::abs(moved));
+      const float turned = slope([&](Hit& at, float h) { at.n += h * glm::cross(axis, x.n); }, 2e-3f);
+      EXPECT_NEAR(glm::dot(g.rotational[1], axis), turned, 2e-3f * E);
+    }
+    EXPECT_NEAR(glm::dot(g.translational[1], x.n), 0.0f, 1e-5f * E);
+    ++compared;
+  }
+  EXPECT_GE(compared, 30);
+}
+
+TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {
+  const RayTracer& rays = cornell_box_rays();
+  const VplSet set = traced_set(rays, 100, 5);
+  const Bits all(set.vpls().words(), ~std::uint64_t{0});
+  const Hit x = reflecting_hits(rays, 4).front();
+  const IrradianceGradients g = gradients_from(all, x, set.vpls(), 1e-12f);
+  for (std::size_t c = 0; c < 3; ++c)
+    EXPECT_TRUE(g.translational[c] == glm::vec3(0.0f) && g.rotational[c] == glm::vec3(0.0f));
+}
+
 TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
   const RayTracer& rays = cornell_box_rays();
   Tracer tracer(rays);

@@ -50,6 +50,7 @@ class Witness final : public RecordSource {
   UpdateResult update(Record& r) noexcept override { return source.update(r); }
   std::span<const Record> to_insert() const noexcept override { return source.to_insert(); }
   void refused(const Record& r) override { source.refused(r); }
+  RecordShapes* shapes() noexcept override { return source.shapes(); }
   bool wants_use() const noexcept override { return source.wants_use(); }
   void used(const Record& r) noexcept override { source.used(r); }
   void report(PassFigures& figures) const noexcept override { source.report(figures); }
@@ -65,7 +66,7 @@ class Witness final : public RecordSource {
 class Film {
  public:
   Film(const Scene& scene, std::string_view cache, unsigned threads, int width = kWidth, int height = kHeight,
-       float a = 0.3f, std::uint32_t vpls = kVpls)
+       float a = 0.3f, std::uint32_t vpls = kVpls, Interpolation interpolation = Interpolation::split_sphere)
       : rays(scene),
         crew_(rays, threads),
         primary(rays.scene(), width, height),
@@ -75,6 +76,7 @@ class Film {
     PassSetup setup{rays, crew_, width, height};
     setup.vpls = vpls;
     setup.a = a;
+    setup.interpolation = interpolation;
     auto made = std::make_unique<Witness>(setup);
     witness = made.get();
     CachedPassSetup cached;
@@ -120,7 +122,10 @@ class Film {
     VplSet anew = vpls;
     if (trace_all(anew, tracer).any()) return "virtual lights";
     const Bounds& bounds = rays.scene().bounds;
-    const RadiusRays radius(bounds, radius_limits(bounds));
+    const RadiusLimits limits = radius_limits(bounds);
+    const RadiusRays radius(bounds, limits);
+    RecordShapes* shapes = witness->shapes();
+    std::vector<std::uint64_t> bits(vpls.vpls().words());
     const float clamp = vpl_clamp(bounds);
     std::string first;
     records = 0;
@@ -135,7 +140,16 @@ class Film {
       const Packing packing = record_packing(rays, hit.mesh);
       const Irradiance E = gather_vpls(tracer, point, vpls.vpls(), clamp, packing) +
                            compensate_record(tracer, point, vpls, clamp, packing).E;
-      const Record expected{point.p, point.n, radius.radius(codes), E, r.id};
+      Record expected{point.p, point.n, radius.radius(codes), E, r.id};
+      if (shapes != nullptr) {
+        trace_visibility(tracer, point, vpls.vpls(), bits, packing);
+        RecordDetail detail;
+        const IrradianceGradients gradients = gradients_from(bits, point, vpls.vpls(), clamp);
+        expected.R = RecordShaper::shape_of_vpls(limits, expected.R, E, gradients, detail);
+        const IrradianceGradients& kept = shapes->details[r.id].gradients;
+        if (std::memcmp(&kept, &detail.gradients, sizeof kept) != 0) first = "gradients";
+        sloped += detail.gradients.translational[1] != glm::vec3(0.0f) ? 1 : 0;
+      }
       if (r.R != expected.R) first = "radius";
       if (std::memcmp(&r.E, &E, sizeof E) != 0) first = "irradiance";
       if (std::memcmp(&r, &expected, sizeof r) != 0 && first.empty()) first = "place";
@@ -156,34 +170,37 @@ class Film {
   std::vector<bool> moved;    // by mesh
   bool begun = false;         // a frame, of which nothing has been rendered yet
   std::uint64_t records = 0;  // seen by difference()
+  std::uint64_t sloped = 0;   // of them all, those with a gradient
 
  private:
   std::vector<Tile> tiles_;
 };
 
 TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
-  for (const NamedScene& s : animated_rooms()) {
-    SCOPED_TRACE(s.name);
-    Film film(s.scene, "wait_free", 2);
-    std::uint64_t updated = 0, dropped = 0, kept = 0;
-    for (std::uint32_t frame = 0; frame < s.scene.frames + 4; ++frame) {
-      film.begin(frame);
-      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
-      film.render(frame);
-      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
-      ASSERT_GT(film.records, 20u);
-      const PassFigures f = film.pass->figures();
-      updated += f.records_updated;
-      dropped += f.records_dropped;
-      kept += f.records_kept;
+  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients})
+    for (const NamedScene& s : animated_rooms()) {
+      SCOPED_TRACE(s.name);
+      Film film(s.scene, "wait_free", 2, kWidth, kHeight, 0.3f, kVpls, level);
+      std::uint64_t updated = 0, dropped = 0, kept = 0;
+      for (std::uint32_t frame = 0; frame < s.scene.frames + 4; ++frame) {
+        film.begin(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+        film.render(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+        ASSERT_GT(film.records, 20u);
+        const PassFigures f = film.pass->figures();
+        updated += f.records_updated;
+        dropped += f.records_dropped;
+        kept += f.records_kept;
+      }
+      if (s.name == "camera") {
+        EXPECT_EQ(updated, 0u);
+      } else {
+        EXPECT_GT(updated, 0u);
+      }
+      EXPECT_EQ(dropped > 0, s.name == "rigid" || s.name == "deforming" || s.name == "all");
+      EXPECT_EQ(film.sloped > 0, extrapolates(level));
     }
-    if (s.name == "camera") {
-      EXPECT_EQ(updated, 0u);
-    } else {
-      EXPECT_GT(updated, 0u);
-    }
-    EXPECT_EQ(dropped > 0, s.name == "rigid" || s.name == "deforming" || s.name == "all");
-  }
 }
 
 class TemporalScene : public ::testing::TestWithParam<std::string> {};
@@ -191,15 +208,17 @@ class TemporalScene : public ::testing::TestWithParam<std::string> {};
 TEST_P(TemporalScene, EveryRecordIsAsIfMadeAnew) {
   const Scene scene = make_scene(GetParam());
   if (!scene.is_animated()) GTEST_SKIP() << "nothing changes";
-  Film film(scene, "wait_free", 2, 16, 12, 0.3f, 64);
-  // A few frames from the start, then from the middle: some things begin to move late.
-  for (const std::uint32_t first : {0u, scene.frames / 2})
-    for (std::uint32_t frame = first; frame < first + 3; ++frame) {
-      film.begin(frame);
-      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
-      film.render(frame);
-      ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
-    }
+  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
+    Film film(scene, "wait_free", 2, 16, 12, 0.3f, 64, level);
+    // A few frames from the start, then from the middle: some things begin to move late.
+    for (const std::uint32_t first : {0u, scene.frames / 2})
+      for (std::uint32_t frame = first; frame < first + 3; ++frame) {
+        film.begin(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+        film.render(frame);
+        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+      }
+  }
 }
 
 std::vector<std::string> scene_names() {

@@ -44,6 +44,9 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_whole(app, "--rays", o.rays, 1u, 1u << 20, "irradiance_cache: gather rays per record");
   add_whole(app, "--vpls", o.vpls, 1u, 1u << 16, "Virtual point lights, for the integrators that use them");
   add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, at most 1; smaller is finer");
+  add_text("--interpolation", o.interpolation,
+           "How records are interpolated; see icbench list interpolations")
+      ->type_name("NAME");
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
@@ -58,6 +61,11 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
   require_known("integrator", o.integrator, kIntegrators);
   const IntegratorEntry& integrator = find_integrator(o.integrator);
   const CacheEntry& cache = find_cache(o.cache);
+  const InterpolationEntry& interpolation = find_interpolation(o.interpolation);
+  if (integrator.uses_vpls && integrator.needs_cache() && !is_for_vpls(interpolation.level)) {
+    throw std::runtime_error(fmt::format("--interpolation {}: {} knows split_sphere and gradients", o.interpolation,
+                                         o.integrator));
+  }
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
   const Placement placement = placement_of(o.placement);
@@ -88,6 +96,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          o.rays,
                                                          o.vpls,
                                                          o.accuracy,
+                                                         interpolation.level,
                                                          tiles,
                                                          o.seed,
                                                          {},
@@ -109,6 +118,7 @@ nlohmann::ordered_json FrameSetup::asked() const {
   if (r.integrator.needs_cache()) {
     j["cache"] = options_.cache;
     j["accuracy"] = shortest_decimal(r.a);
+    j["interpolation"] = options_.interpolation;
   }
   if (r.integrator.uses_cells) {
     j["cell_size"] = shortest_decimal(r.cell_size);

@@ -14,7 +14,7 @@ namespace icbench {
 
 struct FrameOptions {
   std::string scene = "cornell_box", integrator = "irradiance_cache", cache = "wait_free", size = "256x256";
-  std::string json, tiles = "morton", placement = "compact";
+  std::string json, tiles = "morton", placement = "compact", interpolation = "split_sphere";
   unsigned threads = 0;
   std::uint32_t spp = 1, rays = 256, vpls = 256;
   std::uint32_t light_samples = 0;  ///< 0: as many as make 16 for a pixel

@@ -51,6 +51,13 @@ Json integrators() {
   return out;
 }
 
+Json interpolations() {
+  Json out = Json::array();
+  for (const InterpolationEntry& e : kInterpolations)
+    out.push_back({{"name", e.name}, {"description", e.description}});
+  return out;
+}
+
 Json workloads() {
   Json out = Json::array();
   for (const WorkloadEntry& e : list_workloads()) {
@@ -100,6 +107,7 @@ struct Listing {
 constexpr Listing kListings[] = {{"caches", caches},
                                  {"scenes", scenes},
                                  {"integrators", integrators},
+                                 {"interpolations", interpolations},
                                  {"workloads", workloads},
                                  {"metrics", metrics}};
 
@@ -111,8 +119,8 @@ void add_list(CLI::App& app) {
     bool json = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* list = app.add_subcommand("list", "List caches, scenes, integrators, workloads or metrics");
-  list->add_option("WHAT", options->what, "caches, scenes, integrators, workloads or metrics")
+  CLI::App* list = app.add_subcommand("list", "List caches, scenes, integrators, interpolations, workloads or metrics");
+  list->add_option("WHAT", options->what, "caches, scenes, integrators, interpolations, workloads or\nmetrics")
       ->type_name("")
       ->required();
   list->add_flag("--json", options->json, "As JSON, for programs");

@@ -43,25 +43,49 @@ struct Path {
   float q;           // probability with which it was traced there
   float p_b;         // density of its direction
   std::uint32_t specular;  // mirrors and dielectrics met since that diffuse surface
+  std::uint32_t cell;      // of the hemisphere that it began in
+};
+
+// Where a gather's light goes: into a sum; or into that and, cell by cell, into what was seen.
+struct Summed {
+  glm::vec3 E{0.0f};
+
+  void add(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
+  void meet(std::uint32_t, const Hit&) noexcept {}
+};
+struct SummedAndSeen : Summed {
+  std::vector<HemisphereSample>& samples;
+
+  explicit SummedAndSeen(std::vector<HemisphereSample>& s) noexcept : samples(s) {}
+  void add(std::uint32_t cell, const glm::vec3& light) noexcept {
+    E += light;
+    samples[cell].L += std::numbers::inv_pi_v<float> * light;
+  }
+  void meet(std::uint32_t cell, const Hit& hit) noexcept {
+    samples[cell].t = hit.t;
+    samples[cell].ng = hit.ng;
+  }
 };
 
 // Up to kWave paths, one bounce at a time. Arrays are compacted in place: the paths that go on move to the
 // front.
-template <class T>
+template <class T, class Sink>
 class Wave {
  public:
-  explicit Wave(T& tracer) noexcept : tracer_(tracer), shared_(tracer.shared()) {}
+  Wave(T& tracer, Sink& sink) noexcept : tracer_(tracer), sink_(sink), shared_(tracer.shared()) {}
 
-  void start(const Hit& x, const glm::vec3& from, const Basis& basis, const glm::vec2& low,
-             const glm::vec2& cell, std::uint64_t key) noexcept {
+  // Returns the direction of the path that starts in this cell.
+  glm::vec3 start(const Hit& x, const glm::vec3& from, const Basis& basis, std::uint32_t index,
+                  const glm::vec2& low, const glm::vec2& cell, std::uint64_t key) noexcept {
     Pcg32 random(key);
     const float u_elevation = low.x + cell.x * random.uniform();
     const float u_azimuth = low.y + cell.y * random.uniform();
     const glm::vec3 d = cosine_direction(basis, u_elevation, u_azimuth);
-    if (!(glm::dot(d, x.ng) > 0.0f))
-      return;  // into the surface, past a tilted shading normal: nothing arrives
-    paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f, 0};
-    rays_[active_++] = {from, kInfinity, d};
+    if (glm::dot(d, x.ng) > 0.0f) {  // else into the surface, past a tilted shading normal: nothing arrives
+      paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f, 0, index};
+      rays_[active_++] = {from, kInfinity, d};
+    }
+    return d;
   }
 
   bool is_full() const noexcept { return active_ == kWave; }
@@ -69,7 +93,10 @@ class Wave {
   void finish() noexcept {
     if (active_ == 0) return;
     trace();
-    for (std::uint32_t i = 0; i < active_; ++i) inverse_distances += 1.0 / static_cast<double>(hits_[i].t);
+    for (std::uint32_t i = 0; i < active_; ++i) {
+      inverse_distances += 1.0 / static_cast<double>(hits_[i].t);
+      if (!hits_[i].missed()) sink_.meet(paths_[i].cell, hits_[i]);
+    }
     seen += active_;
     shade(false);
     while (active_ > 0) {
@@ -78,7 +105,6 @@ class Wave {
     }
   }
 
-  glm::vec3 E{0.0f};               // sum over paths
   double inverse_distances = 0.0;  // sum over first rays
   std::uint32_t seen = 0;          // first rays
 
@@ -103,7 +129,7 @@ class Wave {
       }
       if (hit.front && material.emits() && (count_straight || path.specular > 0)) {
         const float w = path.specular > 0 ? 1.0f : emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
-        E += std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
+        sink_.add(path.cell, std::numbers::pi_v<float> * w / path.q * path.weight * material.emission);
       }
       path.weight *= shared_.albedo(hit) / path.q;
       path.q = survival(path.weight);
@@ -111,6 +137,7 @@ class Wave {
       LightProposal proposal;
       if (propose_light(shared_, hit, path.q, path.random, proposal)) {
         shadows_[lit] = proposal.shadow;
+        lit_cell_[lit] = path.cell;
         light_[lit++] = path.weight * proposal.E;
       }
       if (!(path.random.uniform() < path.q)) continue;
@@ -124,11 +151,12 @@ class Wave {
     }
     tracer_.occluded(shadows_.first(lit), dark_.first(lit));
     for (std::uint32_t i = 0; i < lit; ++i)
-      if (!dark_[i]) E += light_[i];
+      if (!dark_[i]) sink_.add(lit_cell_[i], light_[i]);
     active_ = onward;
   }
 
   T& tracer_;
+  Sink& sink_;
   const RayTracer& shared_;
   std::uint32_t active_ = 0;
   Room<Path, kWave> paths_;
@@ -136,47 +164,47 @@ class Wave {
   Room<Hit, kWave> hits_;
   Room<Ray, kWave> shadows_;
   Room<glm::vec3, kWave> light_;
+  Room<std::uint32_t, kWave> lit_cell_;
   Room<bool, kWave> dark_;
 };
 
-}  // namespace
-
-Strata Strata::for_rays(std::uint32_t rays) noexcept {
-  const double wanted = std::max(rays, 1u);
-  const double ideal = std::sqrt(wanted / std::numbers::pi);
-  const auto lowest = static_cast<std::uint32_t>(std::max(1.0, std::ceil(0.7 * ideal)));
-  const auto highest = static_cast<std::uint32_t>(std::max(1.0, std::floor(1.3 * ideal)));
-  Strata best{1, std::max(rays, 1u)};
-  double best_miss = kInfinity;
-  for (std::uint32_t m = lowest; m <= highest; ++m) {
-    const auto n = static_cast<std::uint32_t>(std::max(1.0, std::round(wanted / m)));
-    // First the count, then the shape.
-    const double miss = std::abs(wanted - static_cast<double>(m) * n) + 0.01 * std::abs(m - ideal) / ideal;
-    if (miss < best_miss) {
-      best = {m, n};
-      best_miss = miss;
-    }
-  }
-  return best;
-}
-
-template <class T>
-GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t key) noexcept {
+// Calls on_start(cell, direction) for each.
+template <class T, class Sink, class OnStart>
+GatherResult gather_into(T& tracer, Sink& sink, const Hit& x, const Basis& basis, const Strata& strata,
+                         std::uint64_t key, OnStart&& on_start) noexcept {
   const std::uint64_t rays_before = tracer.counts.total();
   const glm::vec3 from = tracer.shared().leave(x.p, x.ng);
-  const Basis basis(x.n);
   const glm::vec2 cell(1.0f / static_cast<float>(strata.elevations),
                        1.0f / static_cast<float>(strata.azimuths));
-  Wave wave(tracer);
+  Wave<T, Sink> wave(tracer, sink);
   for (std::uint32_t m = 0; m < strata.elevations; ++m)
     for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
-      wave.start(x, from, basis, cell * glm::vec2(m, n), cell, hash_keys(key, m, n));
+      const std::uint32_t index = m * strata.azimuths + n;
+      on_start(index, wave.start(x, from, basis, index, cell * glm::vec2(m, n), cell, hash_keys(key, m, n)));
       if (wave.is_full()) wave.finish();
     }
   wave.finish();
   const double R = wave.inverse_distances > 0.0 ? wave.seen / wave.inverse_distances : kInfinity;
-  return {wave.E / static_cast<float>(strata.count()), static_cast<float>(R),
+  return {sink.E / static_cast<float>(strata.count()), static_cast<float>(R),
           tracer.counts.total() - rays_before};
+}
+
+}  // namespace
+
+template <class T>
+GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t key) noexcept {
+  Summed sum;
+  return gather_into(tracer, sum, x, Basis(x.n), strata, key, [](std::uint32_t, const glm::vec3&) {});
+}
+
+GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key,
+                    Hemisphere& seen) noexcept {
+  seen.strata = strata;
+  seen.basis = Basis(x.n);
+  seen.samples.assign(strata.count(), {glm::vec3(0.0f), kInfinity, glm::vec3(0.0f), x.ng});
+  SummedAndSeen sum(seen.samples);
+  return gather_into(tracer, sum, x, seen.basis, strata, key,
+                     [&](std::uint32_t cell, const glm::vec3& d) { seen.samples[cell].d = d; });
 }
 
 template GatherResult gather(Tracer&, const Hit&, const Strata&, std::uint64_t) noexcept;

@@ -18,21 +18,10 @@
 #include <vector>
 
 #include "core/types.h"
+#include "render/hemisphere.h"
 #include "render/ray_tracer.h"
 
 namespace icbench {
-
-/// Division of the hemisphere; M N rays.
-struct Strata {
-  std::uint32_t elevations;  ///< M
-  std::uint32_t azimuths;    ///< N
-
-  /// M N as close to `rays` as M within 30 % of sqrt(rays / pi) allows: exact for 4, 16, 64, 256, 1024. At
-  /// least 1.
-  static Strata for_rays(std::uint32_t rays) noexcept;
-
-  std::uint32_t count() const noexcept { return elevations * azimuths; }
-};
 
 struct GatherResult {
   Irradiance E;        ///< indirect, W/m^2
@@ -43,6 +32,10 @@ struct GatherResult {
 /// Gathers at `x`. T is Tracer or RecordingTracer.
 template <class T>
 GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t key) noexcept;
+
+/// The same, bit for bit, and what each cell saw; `seen` keeps its memory from call to call.
+GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key,
+                    Hemisphere& seen) noexcept;
 
 /// A Tracer that also logs its rays, in the order traced. Out of memory ends the program.
 class RecordingTracer : public Tracer {

@@ -10,6 +10,7 @@
 
 #include "image/image.h"
 #include "render/crew.h"
+#include "render/extrapolation.h"
 #include "render/path.h"
 #include "render/primary.h"
 #include "render/record_source.h"
@@ -26,6 +27,7 @@ struct PassSetup {
   std::uint32_t gather_rays = 256;  ///< of a hemisphere gather
   std::uint32_t vpls = 256;         ///< virtual point lights
   float a = 0.2f;                   ///< accuracy of the cache
+  Interpolation interpolation = Interpolation::split_sphere;
   std::uint64_t seed = 0;
   float cell_size = 8.0f;   ///< of hash cells, pixels
   std::uint32_t paths = 1;  ///< traced from each visible point, for integrators that say so

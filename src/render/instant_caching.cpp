@@ -24,28 +24,46 @@ VplChange update_vpls(VplUpdate& update, Crew& crew) {
 
 InstantCachingSource::InstantCachingSource(const PassSetup& s)
     : vpls_(s.rays, {s.vpls, s.seed}),
-      radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
+      limits_(radius_limits(s.rays.scene().bounds)),
+      radius_(s.rays.scene().bounds, limits_),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
-      names_(s.rays.scene(), s.width, s.height) {}
+      names_(s.rays.scene(), s.width, s.height),
+      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr) {}
 
 RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
   retrace_all(vpls_, crew);
+  if (shapes_) shapes_->details.clear();
   return RecordsThen::go;
 }
 
-Record InstantCachingSource::evaluate(unsigned, Tracer& tracer, const Visible& x,
+Record InstantCachingSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
                                       const SampleKey& key) noexcept {
   const Hit point = record_point(x.hit);
   DistanceCodes distances;
   radius_.trace(tracer, point, RadiusRays::kAll, distances);
-  const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast) +
-                       compensate_record(tracer, point, vpls_, clamp_, Packing::fast).E;
-  return {point.p, point.n, radius_.radius(distances), E, names_(x, key)};
+  const Irradiance added = compensate_record(tracer, point, vpls_, clamp_, Packing::fast).E;
+  const float R = radius_.radius(distances);
+  if (!shapes_) {
+    const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast) + added;
+    return {point.p, point.n, R, E, names_(x, key)};
+  }
+  IrradianceGradients gradients;
+  const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast, gradients) + added;
+  const std::uint32_t id = shapes_->details.draft(thread);
+  if (id == RecordDetails::kNone) return {point.p, point.n, R, E, id};
+  return {point.p, point.n, RecordShaper::shape_of_vpls(limits_, R, E, gradients, shapes_->details[id]), E,
+          id};
+}
+
+void InstantCachingSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
+  if (shapes_ && result == InsertResult::inserted && record.id != RecordDetails::kNone)
+    shapes_->details.keep(thread);
 }
 
 void InstantCachingSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures.light_paths_retraced = vpls_.paths();
   figures.vpls_in_use = vpls_.count();
+  if (shapes_) figures.bytes_beside_cache = shapes_->details.bytes();
 }
 
 std::unique_ptr<RecordSource> make_instant_caching(const PassSetup& setup) {

@@ -42,20 +42,24 @@ inline Compensation compensate_record(Tracer& tracer, const Hit& point, const Vp
 VplChange update_vpls(VplUpdate& update, Crew& crew);
 
 /// Static instant caching: in every frame VPLs are traced anew and records made anew. Ids are those of
-/// RecordNames.
+/// RecordNames, or, where records are extrapolated, of RecordDetails.
 class InstantCachingSource final : public RecordSource {
  public:
   explicit InstantCachingSource(const PassSetup& setup);
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
+  void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
+  RecordShapes* shapes() noexcept override { return shapes_.get(); }
   void report(PassFigures& figures) const noexcept override;
 
  private:
   VplSet vpls_;
+  RadiusLimits limits_;
   RadiusRays radius_;
   float clamp_;
   RecordNames names_;
+  std::unique_ptr<RecordShapes> shapes_;  // null: as they are
 };
 
 }  // namespace icbench

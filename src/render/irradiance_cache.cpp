@@ -2,16 +2,72 @@
 
 #include <numbers>
 
+#include "core/cache.h"
+
 namespace icbench {
 
+RecordShapes make_shapes(const PassSetup& s) {
+  const Bounds& bounds = s.rays.scene().bounds;
+  const auto pixels = static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height);
+  return {RecordShaper(s.interpolation, s.a, bounds, radius_limits(bounds), s.height),
+          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size())};
+}
+
+namespace {
+
+bool changes_light(const SceneChange& change) noexcept {
+  return !change.moved.empty() || change.materials || change.lights;
+}
+
+}  // namespace
+
 RecordsThen HemisphereSource::begin_frame(const SceneChange& change, Crew&) {
-  const bool light_changed = !change.moved.empty() || change.materials || change.lights;
-  return light_changed ? RecordsThen::go : RecordsThen::stay;
+  return changes_light(change) ? RecordsThen::go : RecordsThen::stay;
 }
 
 Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept {
   const GatherResult g = gather(tracer, x.hit, strata_, x.key(key, Purpose::gather));
   return {x.hit.p, x.hit.n, limits_.clamp(g.R), g.E, names_(x, key)};
+}
+
+ShapedHemisphereSource::ShapedHemisphereSource(const PassSetup& s)
+    : rays_(s.rays),
+      strata_(Strata::for_rays(s.gather_rays)),
+      shapes_(make_shapes(s)),
+      workers_(s.crew.size()) {}
+
+RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew&) {
+  shapes_.shaper.look_from(rays_.scene().camera);
+  if (!changes_light(change)) return RecordsThen::stay;
+  shapes_.details.clear();
+  return RecordsThen::go;
+}
+
+Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
+                                        const SampleKey& key) noexcept {
+  Worker& w = workers_[thread];
+  const GatherResult g = gather(tracer, x.hit, strata_, x.key(key, Purpose::gather), w.seen);
+  Record record{x.hit.p, x.hit.n, 0.0f, g.E, shapes_.details.draft(thread)};
+  const RecordShaper& shaper = shapes_.shaper;
+  const bool detailed = extrapolates(shaper.level()) && record.id != RecordDetails::kNone;
+  if (!detailed) {
+    record.R = shaper.radius(record.p, g.R);
+    return record;
+  }
+  RecordDetail& detail = shapes_.details[record.id];
+  detail.gradients = gradients_of(w.seen, rays_.epsilon());
+  record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
+                                         : shaper.radius(record.p, g.R, g.E, detail.gradients);
+  restrain(detail.gradients, record.E, record.R);
+  return record;
+}
+
+void ShapedHemisphereSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
+  if (result == InsertResult::inserted && record.id != RecordDetails::kNone) shapes_.details.keep(thread);
+}
+
+void ShapedHemisphereSource::report(PassFigures& figures) const noexcept {
+  figures.bytes_beside_cache = shapes_.details.bytes();
 }
 
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept {

@@ -63,19 +63,65 @@ class HemisphereSource final : public RecordSource {
   RecordNames names_;
 };
 
+/// For the records of a pass at its level of interpolation.
+RecordShapes make_shapes(const PassSetup& setup);
+
+/// The same at the other levels of interpolation: with gradients, and radii as the level says. Ids are those of
+/// RecordDetails.
+class ShapedHemisphereSource final : public RecordSource {
+ public:
+  explicit ShapedHemisphereSource(const PassSetup& setup);
+
+  RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
+  Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
+  void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
+  RecordShapes* shapes() noexcept override {
+    return extrapolates(shapes_.shaper.level()) ? &shapes_ : nullptr;
+  }
+  void report(PassFigures& figures) const noexcept override;
+
+ private:
+  struct alignas(kNoSharing) Worker {
+    Hemisphere seen;
+  };
+
+  const RayTracer& rays_;
+  Strata strata_;
+  RecordShapes shapes_;
+  std::vector<Worker> workers_;
+};
+
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
 
-/// Asks the cache, and tells `source` which records answered.
-template <class Session>
-std::optional<Irradiance> query_telling(Session& session, RecordSource& source,
-                                        const SurfacePoint& x) noexcept {
-  Interpolator sum;
+/// Asks the cache, and tells `source` which records answered. Sum is an Interpolator or an Extrapolator.
+template <class Session, class Sum>
+std::optional<Irradiance> query_telling(Session& session, RecordSource& source, const SurfacePoint& x,
+                                        Sum&& sum) noexcept {
   session.visit(x, [&](const Record& r, float weight) noexcept {
     sum(r, weight);
     source.used(r);
   });
   return sum.result();
+}
+
+/// Asks the cache, and extrapolates from the records that answered.
+template <class Session>
+std::optional<Irradiance> query_extrapolating(Session& session, const RecordShapes& shapes,
+                                              const SurfacePoint& x) noexcept {
+  Extrapolator sum(shapes, x);
+  session.visit(x, [&](const Record& r, float weight) noexcept { sum(r, weight); });
+  return sum.result();
+}
+
+/// R that the neighbours allow a new record (Krivanek et al. 2006): R_j + |p - p_j| of every record the cache finds.
+template <class Session>
+float clamped_to_neighbours(Session& session, const Record& record) noexcept {
+  float R = record.R;
+  session.visit({record.p, record.n}, [&](const Record& other, float) noexcept {
+    R = std::min(R, other.R + glm::distance(record.p, other.p));
+  });
+  return R;
 }
 
 /// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and ask
@@ -85,18 +131,26 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
                            const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
                            Image& indirect, CacheUse& use) noexcept {
   const bool telling = source.wants_use();
+  const RecordShapes* shapes = source.shapes();
+  const auto ask = [&](const SurfacePoint& at) noexcept {
+    if (shapes == nullptr)
+      return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
+    return telling ? query_telling(session, source, at, Extrapolator(*shapes, at))
+                   : query_extrapolating(session, *shapes, at);
+  };
   for_each_visible_coarse_to_fine(tile, primary, [&](const Visible& x) {
     if (!reflects(tracer.shared(), x.hit)) {
       x.show(indirect, glm::vec3(0.0f));
       return;
     }
     ++use.queries;
-    const SurfacePoint at{x.hit.p, x.hit.n};
-    std::optional<Irradiance> E = telling ? query_telling(session, source, at) : session.query(at);
+    std::optional<Irradiance> E = ask({x.hit.p, x.hit.n});
     if (E) {
       ++use.hits;
     } else {
-      const Record record = source.evaluate(thread, tracer, x, key);
+      Record record = source.evaluate(thread, tracer, x, key);
+      if (shapes != nullptr && shapes->clamps_to_neighbours())
+        record.R = clamped_to_neighbours(session, record);
       const InsertResult result = session.insert(record);
       use.count(result);
       source.settle(thread, record, result);

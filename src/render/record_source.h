@@ -9,6 +9,7 @@
 
 #include "core/types.h"
 #include "render/crew.h"
+#include "render/extrapolation.h"
 #include "render/primary.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"
@@ -36,7 +37,7 @@ struct PassFigures {
   std::uint64_t records_dropped = 0;  ///< of those, removed
   std::uint64_t light_paths = 0;      ///< that the virtual lights come from
   std::uint64_t light_paths_retraced = 0;
-  std::uint64_t vpls_in_use = 0;  ///< virtual lights there are: about as many as were asked for
+  std::uint64_t vpls_in_use = 0;         ///< virtual lights there are: about as many as were asked for
   std::uint64_t lock_wait_ns = 0;        ///< nanoseconds that threads waited for the cache's locks
   std::uint64_t bytes_beside_cache = 0;  ///< kept for records beside what the cache keeps
 };
@@ -70,6 +71,9 @@ class RecordSource {
   virtual std::span<const Record> to_insert() const noexcept { return {}; }
   /// The cache did not take one of them. Quiescent.
   virtual void refused(const Record& record);
+
+  /// What the records carry beside the cache, if queries are to extrapolate by it; else null. Always the same.
+  virtual RecordShapes* shapes() noexcept { return nullptr; }
 
   /// Whether a query has to tell the records it used, by `used`, in this frame.
   virtual bool wants_use() const noexcept { return false; }

@@ -32,9 +32,11 @@ std::uint32_t capacity_of(const PassSetup& s) {
 TemporalSource::TemporalSource(const PassSetup& s)
     : rays_(s.rays),
       vpls_(s.rays, {s.vpls, s.seed}),
-      radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
+      limits_(radius_limits(s.rays.scene().bounds)),
+      radius_(s.rays.scene().bounds, limits_),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       table_(capacity_of(s), s.crew.size()),
+      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr),
       workers_(s.crew.size()) {}
 
 RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
@@ -138,22 +140,25 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   }
   const Hit point = record_point(r.p, r.n, r.ng);
   const Irradiance E_before = r.E;
-  const float R_before = radius_.radius(r.distances);
+  const float R_before = radius_of(id, r.distances);
+  const std::uint32_t cut = cut_distances(c, point, r.distances);
+  if (cut != 0) radius_.trace(tracer, point, cut, r.distances);
 
   // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not be.
   const Packing packing = record_packing(rays_, r.mesh);
   const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
-  if (c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id)) {
+  const bool lights_anew = c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id);
+  if (lights_anew || (shapes_ && cut != 0)) {  // a radius by gradients needs these
     const bool all = nearby || packing == Packing::fast;
     const Compensation added =
         compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
-    r.E = irradiance_from(see_anew(tracer, w, c, point, id), point, vpls_.vpls(), clamp_) + added.E;
+    const std::span<const std::uint64_t> seen = see_anew(tracer, w, c, point, id);
+    r.E = irradiance_from(seen, point, vpls_.vpls(), clamp_) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
+    if (shapes_) reshape(id, point, seen);
   }
-  if (const std::uint32_t cut = cut_distances(c, point, r.distances); cut != 0)
-    radius_.trace(tracer, point, cut, r.distances);
 
-  const float R = radius_.radius(r.distances);
+  const float R = radius_of(id, r.distances);
   if (R > R_before) {
     w.regrown.push_back({point.p, point.n, R, r.E, id});
     return Verdict::insert;
@@ -161,6 +166,19 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const bool same = R == R_before && same_bits(r.E, E_before);
   ++(same ? w.kept : w.updated);
   return same ? Verdict::keep : Verdict::update;
+}
+
+float TemporalSource::radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept {
+  return shapes_ ? shapes_->details[id].R : radius_.radius(distances);
+}
+
+// Finds a kept record's gradients, and with them its radius.
+float TemporalSource::reshape(std::uint32_t id, const Hit& point,
+                              std::span<const std::uint64_t> seen) noexcept {
+  const KeptRecord& r = table_[id];
+  const IrradianceGradients gradients = gradients_from(seen, point, vpls_.vpls(), clamp_);
+  return RecordShaper::shape_of_vpls(limits_, radius_.radius(r.distances), r.E, gradients,
+                                     shapes_->details[id]);
 }
 
 // Whether a segment to a VPL that may be seen meets a box of what moved.
@@ -226,7 +244,7 @@ UpdateResult TemporalSource::update(Record& record) noexcept {
       return UpdateResult::keep;
     case Verdict::update:
       record.E = table_[record.id].E;
-      record.R = radius_.radius(table_[record.id].distances);
+      record.R = radius_of(record.id, table_[record.id].distances);
       return UpdateResult::keep;
     case Verdict::drop:
     case Verdict::insert:
@@ -265,7 +283,9 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
   r.E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
-  return {point.p, point.n, radius_.radius(r.distances), r.E, id};
+  if (!shapes_ || !has_room) return {point.p, point.n, radius_.radius(r.distances), r.E, id};
+  shapes_->details.make_room(id);
+  return {point.p, point.n, reshape(id, point, seen), r.E, id};
 }
 
 void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {

@@ -27,6 +27,9 @@
 // the others are dropped as the next frame begins. So their number stays below twice the number in use, and a frame's
 // new ones, for ever; between such frames queries tell nothing and nothing is paid for.
 //
+// Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the sum,
+// and bound the radius; they are as exact as it is.
+//
 // Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
 #pragma once
 
@@ -59,6 +62,7 @@ class TemporalSource final : public RecordSource {
 
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
+  RecordShapes* shapes() noexcept override { return shapes_.get(); }
   bool wants_use() const noexcept override { return sweeping_; }
   void used(const Record& record) noexcept override;
   void report(PassFigures& figures) const noexcept override;
@@ -104,13 +108,17 @@ class TemporalSource final : public RecordSource {
   bool cut_lights(Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
   std::uint32_t cut_distances(const Change& change, const Hit& point,
                               const DistanceCodes& distances) const noexcept;
+  float radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept;
+  float reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen) noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
 
   const RayTracer& rays_;
   VplSet vpls_;
+  RadiusLimits limits_;
   RadiusRays radius_;
   float clamp_;
   RecordTable table_;
+  std::unique_ptr<RecordShapes> shapes_;  // by the ids of table_; null: records as they are
   std::vector<Worker> workers_;
   MovedBoxes movers_;              // of all that can move, as it stands
   SegmentEnds ends_;               // the VPLs, for segments to them that movers_ may cut

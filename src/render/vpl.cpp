@@ -241,12 +241,21 @@ void VplUpdate::trace(Tracer& tracer, std::size_t chunk) noexcept {
 VplChange VplUpdate::commit() {
   VplSet& set = *set_;
   const VplArrays before = set.vpls_;
-  for (std::size_t i = 0; i < paths_.size(); ++i) {
-    const Traced& traced = chunks_[i / kChunk];
-    const std::size_t end = traced.ends[i % kChunk];
-    const std::size_t first = i % kChunk == 0 ? 0 : traced.ends[i % kChunk - 1];
-    replace(paths_[i], traced, first, end);
-  }
+  const auto for_each_path = [&](auto&& f) {
+    for (std::size_t i = 0; i < paths_.size(); ++i) {
+      const Traced& traced = chunks_[i / kChunk];
+      const std::size_t end = traced.ends[i % kChunk];
+      const std::size_t first = i % kChunk == 0 ? 0 : traced.ends[i % kChunk - 1];
+      f(paths_[i], traced, first, end);
+    }
+  };
+  // All that become free first, so that no slot is added while there are some.
+  for_each_path([&](std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end) {
+    release_surplus(path, traced, first, end);
+  });
+  for_each_path([&](std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end) {
+    replace(path, traced, first, end);
+  });
   if (set.unused_vertices_ > set.vertices_.size() / 2) set.compact();
 
   VplChange change;
@@ -263,13 +272,28 @@ VplChange VplUpdate::commit() {
   return change;
 }
 
-// The path's k-th VPL stays in the slot of what was its k-th VPL.
+// The slots of a path's VPLs, in order.
+void VplUpdate::find_owned(std::uint32_t path) {
+  owned_.clear();
+  std::ranges::copy_if(set_->slots(path), std::back_inserter(owned_),
+                       [](std::uint32_t s) { return s != kNoSlot; });
+}
+
+// Frees the slots of a path that it has no VPLs for any more.
+void VplUpdate::release_surplus(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end) {
+  find_owned(path);
+  const auto vpls = static_cast<std::size_t>(
+      std::count_if(traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(first),
+                    traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(end),
+                    [](std::uint32_t vpl) { return vpl != kNoSlot; }));
+  for (std::size_t k = vpls; k < owned_.size(); ++k) set_->free_slot(owned_[k]);
+}
+
+// The path's k-th VPL stays in the slot of what was its k-th VPL; what it has too many was released before.
 void VplUpdate::replace(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end) {
   VplSet& set = *set_;
   std::vector<std::uint32_t>& owned = owned_;
-  owned.clear();
-  std::ranges::copy_if(set.slots(path), std::back_inserter(owned),
-                       [](std::uint32_t s) { return s != kNoSlot; });
+  find_owned(path);
   set.make_room(path, end - first);
   const VplSet::Range& range = set.ranges_[path];
   std::size_t kept = 0;
@@ -283,7 +307,6 @@ void VplUpdate::replace(std::uint32_t path, const Traced& traced, std::size_t fi
     set.vertices_[range.first + (v - first)] = traced.vertices[v];
     set.vertex_slots_[range.first + (v - first)] = slot;
   }
-  for (std::size_t k = kept; k < owned.size(); ++k) set.free_slot(owned[k]);
 }
 
 VplChange trace_all(VplSet& set, Tracer& tracer) {

@@ -175,6 +175,8 @@ class VplUpdate {
     std::vector<Vpl> vpls;
   };
 
+  void find_owned(std::uint32_t path);
+  void release_surplus(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end);
   void replace(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end);
 
   VplSet* set_;

@@ -162,6 +162,70 @@ class Sum {
   alignas(64) float red_[kLanes] = {}, green_[kLanes] = {}, blue_[kLanes] = {};
 };
 
+// The sums of irradiance's derivatives. With d from the point to VPL j, G = (d.n)(-d.n_j) / |d|^4 changes by
+//   -(-d.n_j) n / |d|^4 + (d.n) n_j / |d|^4 + 4 G d / |d|^2    as the point moves,
+//   (-d.n_j) / |d|^4 (n x d)                                   as the normal turns, by axis of rotation.
+class Slopes {
+ public:
+  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const glm::vec3& p, const glm::vec3& n,
+                             float clamp) noexcept {
+    if (bits == 0) return;
+    for (std::size_t first = 0; first < kWord; first += kLanes) {
+      const auto some = static_cast<std::uint32_t>(bits >> first & 0xffffu);
+      if (some == 0) continue;
+      for (std::uint32_t l = 0; l < kLanes; ++l) {
+        const std::size_t i = first + l;
+        const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
+        const float d2 = x * x + y * y + z * z;
+        const float here = x * n.x + y * n.y + z * n.z;
+        const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
+        const float inverse = 1.0f / (d2 * d2);
+        const float G = here * there * inverse;
+        const bool counts = (some >> l & 1u) != 0 && G < clamp;  // false for the NaN of points that coincide
+        const float turn = counts ? there * inverse : 0.0f;
+        const float lean = counts ? here * inverse : 0.0f;
+        const float pull = counts ? 4.0f * G / d2 : 0.0f;
+        const float tx = lean * v.nx[i] + pull * x - turn * n.x;
+        const float ty = lean * v.ny[i] + pull * y - turn * n.y;
+        const float tz = lean * v.nz[i] + pull * z - turn * n.z;
+        const float rx = turn * x, ry = turn * y, rz = turn * z;
+        const float flux[3] = {v.red[i], v.green[i], v.blue[i]};
+        for (int c = 0; c < 3; ++c) {
+          moved_[c][0][l] += flux[c] * tx;
+          moved_[c][1][l] += flux[c] * ty;
+          moved_[c][2][l] += flux[c] * tz;
+          turned_[c][0][l] += flux[c] * rx;
+          turned_[c][1][l] += flux[c] * ry;
+          turned_[c][2][l] += flux[c] * rz;
+        }
+      }
+    }
+  }
+
+  IrradianceGradients gradients(const glm::vec3& n) const noexcept {
+    IrradianceGradients out;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const glm::vec3 moved = total(moved_[c]);
+      out.translational[c] = bounded(moved - glm::dot(moved, n) * n);
+      out.rotational[c] = bounded(glm::cross(n, total(turned_[c])));
+    }
+    return out;
+  }
+
+ private:
+  static glm::vec3 total(const float (&of)[3][kLanes]) noexcept {
+    glm::vec3 sum(0.0f);
+    for (int axis = 0; axis < 3; ++axis)
+      for (const float lane : of[axis]) sum[axis] += lane;
+    return std::numbers::inv_pi_v<float> * sum;
+  }
+  // 0 where floats cannot hold it: the record then counts as constant.
+  static glm::vec3 bounded(const glm::vec3& v) noexcept { return is_finite(v) ? v : glm::vec3(0.0f); }
+
+  alignas(64) float moved_[3][3][kLanes] = {};  // channel, axis
+  alignas(64) float turned_[3][3][kLanes] = {};
+};
+
 // Share of the light between two facing points that the clamp takes; 0 where it takes none.
 float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, float clamp) noexcept {
   const glm::vec3 d = met.p - from;
@@ -308,6 +372,14 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
   return sum.irradiance();
 }
 
+IrradianceGradients gradients_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
+                                   float clamp) noexcept {
+  Slopes slopes;
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    slopes.add(WordOfVpls(vpls, w), bits[w], hit.p, hit.n, clamp);
+  return slopes.gradients(hit.n);
+}
+
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                        Packing packing) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
@@ -316,6 +388,21 @@ Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, fl
     const WordOfVpls v(vpls, w);
     sum.add(v, visible(tracer, from, hit, v, packing, Shapes::all), hit.p, hit.n, clamp);
   }
+  return sum.irradiance();
+}
+
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp, Packing packing,
+                       IrradianceGradients& gradients) noexcept {
+  const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
+  Sum sum;
+  Slopes slopes;
+  for (std::size_t w = 0; w < vpls.words(); ++w) {
+    const WordOfVpls v(vpls, w);
+    const std::uint64_t seen = visible(tracer, from, hit, v, packing, Shapes::all);
+    sum.add(v, seen, hit.p, hit.n, clamp);
+    slopes.add(v, seen, hit.p, hit.n, clamp);
+  }
+  gradients = slopes.gradients(hit.n);
   return sum.irradiance();
 }
 

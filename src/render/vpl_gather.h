@@ -22,6 +22,7 @@
 
 #include "core/random.h"
 #include "core/types.h"
+#include "render/hemisphere.h"
 #include "render/ray_tracer.h"
 #include "render/vpl.h"
 
@@ -51,6 +52,16 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
 /// fast, and the same but where a shadow ray brushes an edge within rounding.
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                        Packing packing = Packing::exact) noexcept;
+
+/// How the same irradiance changes as the point moves in its tangent plane and as its normal turns, with each VPL seen or
+/// hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds counts as
+/// constant. Finite.
+IrradianceGradients gradients_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
+                                   float clamp) noexcept;
+
+/// gather_vpls and gradients_from in one.
+Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp, Packing packing,
+                       IrradianceGradients& gradients) noexcept;
 
 /// The shadow rays that gather_vpls traces at these points, for RayTracer::bare_occluded: how fast the same rays go
 /// without any of the work around them.

@@ -9,13 +9,13 @@ namespace icbench {
 namespace {
 
 std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
-  const PassSetup setup{r.rays, crew, r.width, r.height, r.gather, r.vpls, r.a, r.seed,
-                        r.cell_size, r.paths};
+  const PassSetup setup{r.rays,          crew,   r.width,     r.height, r.gather, r.vpls, r.a,
+                        r.interpolation, r.seed, r.cell_size, r.paths};
   if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
   CachedPassSetup cached;
   cached.cache.bounds = r.rays.scene().bounds;
-  cached.cache.a_max = cached.cache.a = r.a;
+  cached.cache.a_max = cached.cache.a = search_reach(r.interpolation) * r.a;
   cached.cache.max_sessions = crew.size();
   cached.cache.capacity = capacity_for(2 * pixels, crew.size());
   return r.cache.pass(cached, r.integrator.source(setup), crew);

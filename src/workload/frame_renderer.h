@@ -28,6 +28,7 @@ struct FrameRequest {
   std::uint32_t gather = 256;       ///< irradiance_cache: rays per record
   std::uint32_t vpls = 256;         ///< integrators by virtual point lights: how many
   float a = 0.2f;                   ///< accuracy of the cache
+  Interpolation interpolation = Interpolation::split_sphere;
   TileOrder tiles = TileOrder::morton;
   std::uint64_t seed = 0;
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done

@@ -1,0 +1,138 @@
+#include "render/extrapolation.h"
+
+#include <fmt/format.h>
+
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace icbench {
+namespace {
+
+// Limits of valid distances a R, in pixels.
+constexpr float kLeastPixels = 1.5f;
+constexpr float kMostPixels = 20.0f;
+
+constexpr float kMostTurn = 2.0f;  // as of light from one direction 63 degrees off the normal
+
+constexpr float kHessianScale = 0.05f;
+constexpr float kLeastReach = 0.01f;  // of the diagonal, times a
+constexpr float kMostReach = 0.2f;    // of the diagonal
+constexpr float kMostStretch = 2.0f;  // of an ellipse
+
+// E / |gradient of E|, metres; infinite where nothing changes.
+float change_length(const Irradiance& E, const IrradianceGradients& g) noexcept {
+  const glm::vec3 gradient =
+      0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
+  const float slope = glm::length(gradient);
+  return slope > 0.0f ? luminance(E) / slope : std::numeric_limits<float>::infinity();
+}
+
+}  // namespace
+
+const InterpolationEntry& find_interpolation(std::string_view name) {
+  std::string known;
+  for (const InterpolationEntry& entry : kInterpolations) {
+    if (entry.name == name) return entry;
+    known += known.empty() ? "" : ", ";
+    known += entry.name;
+  }
+  throw std::runtime_error(fmt::format("unknown interpolation '{}'; the levels are {}", name, known));
+}
+
+void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept {
+  const auto limit = [](glm::vec3& v, float most) {
+    const float length = glm::length(v);
+    if (length > most) v *= most / length;
+  };
+  for (int c = 0; c < 3; ++c) {
+    limit(gradients.translational[static_cast<std::size_t>(c)], E[c] / R);
+    limit(gradients.rotational[static_cast<std::size_t>(c)], E[c] * kMostTurn);
+  }
+}
+
+std::uint32_t RecordDetails::draft(unsigned thread) {
+  Purse& purse = purses_[thread];
+  if (purse.next == purse.end) {
+    // Relaxed: the counter only has to give distinct blocks; nobody else looks at a block before its records are found in
+    // the cache.
+    if (next_block_.load(std::memory_order_relaxed) >= blocks_.size()) return kNone;
+    const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
+    if (b >= blocks_.size()) return kNone;
+    if (!blocks_[b]) blocks_[b] = std::make_unique<RecordDetail[]>(kBlock);
+    purse = {b * kBlock, (b + 1) * kBlock};
+  }
+  return purse.next;
+}
+
+void RecordDetails::clear() noexcept {
+  for (Purse& purse : purses_) purse = {};
+  next_block_.store(0, std::memory_order_relaxed);  // quiescent
+}
+
+std::size_t RecordDetails::bytes() const noexcept {
+  const std::size_t used = std::min<std::size_t>(next_block_.load(std::memory_order_relaxed), blocks_.size());
+  return used * kBlock * sizeof(RecordDetail);
+}
+
+RecordShaper::RecordShaper(Interpolation level, float a, const Bounds& bounds, const RadiusLimits& limits,
+                           int height) noexcept
+    : level_(level),
+      a_(a),
+      diagonal_(glm::length(bounds.upper - bounds.lower)),
+      limits_(limits),
+      height_(static_cast<float>(height)) {}
+
+void RecordShaper::look_from(const Camera& camera) noexcept {
+  eye_ = camera.eye;
+  pixel_of_unit_distance_ = 2.0f * std::tan(0.5f * camera.fov_y) / height_;
+}
+
+float RecordShaper::radius(const glm::vec3& p, float mean) const noexcept {
+  const float R = limits_.clamp(mean);
+  if (level_ == Interpolation::split_sphere) return R;
+  const float pixel = pixel_of_unit_distance_ * glm::distance(p, eye_);
+  const float least = std::max(kLeastPixels * pixel / a_, limits_.min);
+  return std::clamp(R, least, std::max(least, kMostPixels * pixel / a_));
+}
+
+float RecordShaper::radius(const glm::vec3& p, float mean, const Irradiance& E,
+                           const IrradianceGradients& gradients) const noexcept {
+  return radius(p, std::min(mean, change_length(E, gradients)));
+}
+
+float RecordShaper::shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
+                                  const IrradianceGradients& gradients, RecordDetail& detail) noexcept {
+  detail.R = limits.clamp(std::min(R, change_length(E, gradients)));
+  detail.gradients = gradients;
+  restrain(detail.gradients, E, detail.R);
+  return detail.R;
+}
+
+float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance& E,
+                            RecordDetail& detail) const noexcept {
+  const float least = kLeastReach * a_ * diagonal_;
+  const float most = kMostReach * diagonal_;
+  const float near = 0.1f * least;
+  float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
+  detail.major = seen.basis.s;
+  if (seen.strata.elevations >= kLeastElevationsForHessian) {
+    const glm::mat2 H = level_ == Interpolation::occlusion_hessian ? occlusion_hessian(seen, near)
+                                                                   : geometric_hessian(seen, near);
+    const Eigen2 e = magnitudes_of(H);
+    const float scale = kHessianScale * diagonal_ * diagonal_ * luminance(E);
+    const float slow = a_ * change_length(E, detail.gradients);
+    const auto reach = [&](float lambda) {
+      const float r = lambda > 0.0f ? a_ * std::pow(scale / lambda, 0.25f) : most;
+      return std::clamp(std::min(r, slow), least, most);
+    };
+    small_reach = reach(e.large);
+    large_reach = std::min(reach(e.small), kMostStretch * small_reach);
+    detail.major = -e.axis.y * seen.basis.s + e.axis.x * seen.basis.t;
+  }
+  detail.inverse_major = 1.0f / large_reach;
+  detail.inverse_minor = 1.0f / small_reach;
+  return large_reach / a_;
+}
+
+}  // namespace icbench

@@ -1,0 +1,250 @@
+// Records that carry more than irradiance: how it changes around them, and how far that can be trusted.
+//
+// A cache stores records as they are and answers with those whose split-sphere region holds the point
+// (core/interpolation.h). Beyond the first two levels below, that is where the search ends and this file begins: beside the
+// cache there is a RecordDetail for each record, found by the record's id, and a record counts with the irradiance that
+// its gradients extrapolate to the point, negative channels as 0, and with a weight that falls to 0 at the border of the
+// region where it is valid, so that nothing jumps there.
+//
+//   level               region of a record                                        irradiance, weight
+//   split_sphere        R = harmonic mean distance (Ward et al. 1988), within      as is, 1 / error
+//                       wide limits
+//   bounded             the same, within kLeastPixels and kMostPixels as           as is, 1 / error
+//                       projected to the screen (Tabellion & Lamorlette 2004)
+//   gradients           the same; R <= E / |gradient of E|                         extrapolated (Ward & Heckbert 1992),
+//                                                                                  1 / error - 1 / a
+//   neighbour_clamping  the same; R <= R_j + |p - p_j| for the records j around    the same
+//                       (Krivanek et al. 2006)
+//   geometric_hessian   ellipse from the eigenvalues of a Hessian by geometry      extrapolated, 1 - error
+//   occlusion_hessian   ellipse from the eigenvalues of the Hessian with           extrapolated, 1 - error
+//                       occlusion (Schwarzhaupt, Jensen, Jarosz 2012)
+//
+// Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
+// lambda a record is valid to the distance r = a (kHessianScale D^2 E / |lambda|)^(1/4), where D is the scene's
+// diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012, eq. 9). Limits: the smaller
+// axis is at least half the larger; r <= a E / |gradient|; between kLeastReach and 64 times that, and at most a fifth, of
+// the diagonal. The normal may turn as far as the split-sphere error allows.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "core/interpolation.h"
+#include "core/sync.h"
+#include "core/types.h"
+#include "render/hemisphere.h"
+#include "scene/scene.h"
+
+namespace icbench {
+
+enum class Interpolation : std::uint8_t {
+  split_sphere,
+  bounded,
+  gradients,
+  neighbour_clamping,
+  geometric_hessian,
+  occlusion_hessian
+};
+
+struct InterpolationEntry {
+  std::string_view name;
+  std::string_view description;
+  Interpolation level;
+};
+
+inline constexpr std::array kInterpolations{
+    InterpolationEntry{"split_sphere", "radius: harmonic mean distance", Interpolation::split_sphere},
+    InterpolationEntry{"bounded", "radius within limits on the screen", Interpolation::bounded},
+    InterpolationEntry{"gradients", "irradiance extrapolated by its gradients, which bound the radius",
+                       Interpolation::gradients},
+    InterpolationEntry{"neighbour_clamping", "the same, and radii no larger than those nearby allow",
+                       Interpolation::neighbour_clamping},
+    InterpolationEntry{"geometric_hessian", "extrapolated; elliptic regions by geometry",
+                       Interpolation::geometric_hessian},
+    InterpolationEntry{"occlusion_hessian", "extrapolated; elliptic regions by the Hessian with occlusion",
+                       Interpolation::occlusion_hessian},
+};
+
+/// Throws std::runtime_error naming the known levels if there is none of that name.
+const InterpolationEntry& find_interpolation(std::string_view name);
+
+constexpr bool extrapolates(Interpolation level) noexcept { return level >= Interpolation::gradients; }
+/// Whether records gathered from virtual point lights can be had at this level: one point's shadow rays tell nothing of
+/// Hessians, and limits on the screen or by neighbours would tie records that live on to where the camera was.
+constexpr bool is_for_vpls(Interpolation level) noexcept {
+  return level == Interpolation::split_sphere || level == Interpolation::gradients;
+}
+constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Interpolation::geometric_hessian; }
+
+/// Scales gradients down where they promise more than a record within its region can hold: with |d| <= a R a channel may
+/// change by a share a, as its normal turns by kMostTurn of itself a radian. A few paths that found much light make such
+/// gradients, and the least radius would let them show.
+void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
+
+/// How much farther than to valid records a cache has to answer, so that a new record finds its neighbours.
+constexpr float search_reach(Interpolation level) noexcept {
+  return level == Interpolation::neighbour_clamping ? 2.0f : 1.0f;
+}
+
+/// What a record carries beside the cache.
+struct RecordDetail {
+  IrradianceGradients gradients;
+  glm::vec3 major{0.0f};                             ///< unit, in the tangent plane: elliptic regions only
+  float R = 0.0f;                                    ///< metres: records of virtual point lights only
+  float inverse_major = 0.0f, inverse_minor = 0.0f;  ///< of the distances to which it is valid, 1/m
+};
+
+/// Details by record id. Threads draw ids of their own, in blocks; what a thread writes there before it inserts the record
+/// is read by others after they found the record in the cache: the cache's own publication orders the two.
+class RecordDetails {
+ public:
+  static constexpr std::uint32_t kBlock = 64;
+  static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
+
+  /// For `capacity` records at least, drawn by `threads` threads.
+  RecordDetails(std::uint32_t capacity, unsigned threads)
+      : blocks_(capacity / kBlock + threads + 1), purses_(threads) {}
+
+  /// The id of the record that this thread makes next; the same until keep().
+  std::uint32_t draft(unsigned thread);
+  void keep(unsigned thread) noexcept { ++purses_[thread].next; }
+
+  RecordDetail& operator[](std::uint32_t id) noexcept { return blocks_[id / kBlock][id % kBlock]; }
+  const RecordDetail& operator[](std::uint32_t id) const noexcept {
+    return blocks_[id / kBlock][id % kBlock];
+  }
+
+  /// Makes room for the details of an id that another table gave to this thread, in blocks of kBlock as here.
+  void make_room(std::uint32_t id) {
+    std::unique_ptr<RecordDetail[]>& block = blocks_[id / kBlock];
+    if (!block) block = std::make_unique<RecordDetail[]>(kBlock);
+  }
+
+  /// All ids are free again. Quiescent.
+  void clear() noexcept;
+
+  /// Bytes taken so far.
+  std::size_t bytes() const noexcept;
+
+ private:
+  struct alignas(kNoSharing) Purse {
+    std::uint32_t next = 0, end = 0;
+  };
+
+  std::vector<std::unique_ptr<RecordDetail[]>> blocks_;  // each written by the thread that drew it
+  std::vector<Purse> purses_;
+  alignas(kNoSharing) std::atomic<std::uint32_t> next_block_{0};
+};
+
+/// Radii of new records.
+class RecordShaper {
+ public:
+  /// For an image `height` pixels high; `limits`: of the split sphere.
+  RecordShaper(Interpolation level, float a, const Bounds& bounds, const RadiusLimits& limits,
+               int height) noexcept;
+
+  Interpolation level() const noexcept { return level_; }
+  float a() const noexcept { return a_; }
+
+  /// The camera of this frame, from which screen limits are measured.
+  void look_from(const Camera& camera) noexcept;
+
+  /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R, metres:
+  /// no limits on the screen.
+  static float shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
+                             const IrradianceGradients& gradients, RecordDetail& detail) noexcept;
+
+  /// R of a record at p with harmonic mean distance `mean` (may be infinite), metres; levels without ellipses.
+  float radius(const glm::vec3& p, float mean) const noexcept;
+  /// The same, of a record that is extrapolated by `gradients`.
+  float radius(const glm::vec3& p, float mean, const Irradiance& E,
+               const IrradianceGradients& gradients) const noexcept;
+
+  /// Sets the ellipse of a record and returns R of the sphere around it, metres; elliptic levels. `mean`: harmonic mean
+  /// distance, which decides where there are too few cells.
+  float ellipse(const Hemisphere& seen, float mean, const Irradiance& E, RecordDetail& detail) const noexcept;
+
+ private:
+  Interpolation level_;
+  float a_, diagonal_;
+  RadiusLimits limits_;
+  float pixel_of_unit_distance_ = 0.0f;
+  float height_;
+  glm::vec3 eye_{0.0f};
+};
+
+/// What the records of one cache carry, and how new ones are shaped.
+struct RecordShapes {
+  RecordShaper shaper;
+  RecordDetails details;
+
+  bool clamps_to_neighbours() const noexcept { return shaper.level() == Interpolation::neighbour_clamping; }
+};
+
+/// Sums what records extrapolate to one point.
+class Extrapolator {
+ public:
+  Extrapolator(const RecordShapes& shapes, const SurfacePoint& x) noexcept
+      : details_(shapes.details),
+        x_(x),
+        inverse_a_(1.0f / shapes.shaper.a()),
+        elliptic_(is_elliptic(shapes.shaper.level())) {}
+
+  /// `weight`: of the split sphere, for an accuracy no finer than a.
+  void operator()(const Record& r, float weight) noexcept {
+    if (r.id == RecordDetails::kNone) return add(r.E, weight);  // there was no room for its details
+    const RecordDetail& detail = details_[r.id];
+    const glm::vec3 d = x_.p - r.p;
+    float w;
+    if (elliptic_) {
+      const float along = glm::dot(d, detail.major);
+      const float across2 = std::max(glm::dot(d, d) - along * along, 0.0f);
+      const float error =
+          std::sqrt(square(along * detail.inverse_major) + across2 * square(detail.inverse_minor)) +
+          inverse_a_ * std::sqrt(1.0f - std::min(glm::dot(x_.n, r.n), 1.0f));
+      w = 1.0f - error;
+    } else {
+      w = weight - inverse_a_;
+    }
+    if (!(w > 0.0f)) return;
+    const glm::vec3 turn = glm::cross(r.n, x_.n);
+    glm::vec3 E = r.E;
+    for (int c = 0; c < 3; ++c) {
+      const auto channel = static_cast<std::size_t>(c);
+      E[c] += glm::dot(detail.gradients.translational[channel], d) +
+              glm::dot(detail.gradients.rotational[channel], turn);
+      E[c] = std::clamp(E[c], 0.0f, kMaxIrradiance);
+    }
+    add(E, w);
+  }
+
+  /// nullopt exactly when no record was valid.
+  std::optional<Irradiance> result() const noexcept {
+    if (!(weights_ > 0.0f)) return std::nullopt;
+    return weighted_ / weights_;
+  }
+
+ private:
+  static float square(float x) noexcept { return x * x; }
+  void add(const Irradiance& E, float w) noexcept {
+    weighted_ += w * E;
+    weights_ += w;
+  }
+
+  const RecordDetails& details_;
+  SurfacePoint x_;
+  float inverse_a_;
+  bool elliptic_;
+  Irradiance weighted_{0.0f};
+  float weights_ = 0.0f;
+};
+
+}  // namespace icbench

@@ -1,0 +1,92 @@
+// What a hemisphere gather saw, cell by cell, and what follows from it besides irradiance: how irradiance changes as the
+// point moves and as its normal turns.
+//
+// Cells are those of Strata: M elevations of equal projected solid angle times N azimuths. The sample of cell (m, n) has
+// direction d, meets the first surface at distance t and brings radiance L, so that E = pi / (M N) sum L.
+//
+//   gradients   Ward & Heckbert 1992, "Irradiance gradients", eqs. 1-3: as the point moves, the borders between cells
+//               move, by the nearer of the two surfaces; as the normal turns, cosines change.
+//
+//   Hessians    of the irradiance of the luminance under translation in the tangent plane. `occlusion_hessian`:
+//               Schwarzhaupt, Jensen, Jarosz 2012. The samples' hit points span a surface of patches, each of the
+//               radiance of its farthest corner; what a patch sends follows from its edges by Lambert's formula,
+//               whose derivatives are known. `geometric_hessian` knows nothing of occlusion and of who is
+//               bright: it sums magnitudes, with the mean radiance everywhere (after Jarosz, Schoenefeld, Kobbelt,
+//               Jensen 2012).
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <glm/mat2x2.hpp>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+#include "core/types.h"
+#include "render/ray_tracer.h"
+#include "scene/directions.h"
+
+namespace icbench {
+
+/// Division of the hemisphere; M N rays.
+struct Strata {
+  std::uint32_t elevations;  ///< M
+  std::uint32_t azimuths;    ///< N
+
+  /// M N as close to `rays` as M within 30 % of sqrt(rays / pi) allows: exact for 4, 16, 64, 256, 1024. At
+  /// least 1.
+  static Strata for_rays(std::uint32_t rays) noexcept;
+
+  std::uint32_t count() const noexcept { return elevations * azimuths; }
+};
+
+/// Luminance of linear RGB (Rec. 709), in the unit of `E`.
+inline float luminance(const glm::vec3& E) noexcept { return 0.2126f * E.x + 0.7152f * E.y + 0.0722f * E.z; }
+
+/// One cell's sample. Nothing met: t is infinite and L is 0.
+struct HemisphereSample {
+  glm::vec3 d;        ///< unit direction
+  float t;            ///< distance, metres
+  glm::vec3 L{0.0f};  ///< radiance, W/(m^2 sr)
+  glm::vec3 ng;       ///< unit geometric normal of the surface met, of either side
+};
+
+/// The gradient of each channel of irradiance.
+struct IrradianceGradients {
+  std::array<glm::vec3, 3> translational{};  ///< W/m^3 in the tangent plane; 0 along the normal
+  std::array<glm::vec3, 3> rotational{};     ///< W/(m^2 rad), by axis of rotation, in the tangent plane
+};
+
+/// The samples of one gather. Sample of cell (m, n): samples[m N + n].
+struct Hemisphere {
+  Strata strata{};
+  Basis basis{glm::vec3(0, 0, 1)};
+  std::vector<HemisphereSample> samples;
+
+  const HemisphereSample& at(std::uint32_t m, std::uint32_t n) const noexcept {
+    return samples[static_cast<std::size_t>(m) * strata.azimuths + n];
+  }
+};
+
+/// Ward & Heckbert's gradients. Finite: distances count as `near` at least (metres, > 0).
+IrradianceGradients gradients_of(const Hemisphere& seen, float near) noexcept;
+
+/// Fewest elevations and azimuths of which Hessians can be told: with fewer cells they are noise alone.
+inline constexpr std::uint32_t kLeastElevationsForHessian = 4;
+
+/// Second derivatives of the irradiance of the luminance, W/m^4, along the axes x and y of the basis; symmetric, finite.
+/// Distances count as `near` at least.
+glm::mat2 occlusion_hessian(const Hemisphere& seen, float near) noexcept;
+
+/// The same by geometry alone: positive semidefinite.
+glm::mat2 geometric_hessian(const Hemisphere& seen, float near) noexcept;
+
+/// Magnitudes of the eigenvalues, the larger first, and the direction that goes with it, for a symmetric matrix.
+struct Eigen2 {
+  float large, small;
+  glm::vec2 axis;  ///< unit
+};
+Eigen2 magnitudes_of(const glm::mat2& symmetric) noexcept;
+
+}  // namespace icbench
