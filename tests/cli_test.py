@@ -347,6 +347,7 @@ class Pareto(Case):
             self.assertGreater(row["seconds"], row["seconds_indirect"])
             self.assertEqual(row["below_reference"], row["relmse"] < 2 * row["reference_relmse"])
             self.assertEqual(row["cache"], "wait_free" if "caching" in row["method"] else "none")
+            self.assertEqual(row.get("interpolation"), "split_sphere" if "caching" in row["method"] else None)
 
     def test_errors_are_squared_bias_and_variance_and_the_references_own(self):
         for name in {row["name"] for row in self.rows}:

@@ -39,6 +39,8 @@ constexpr IntegratorEntry kPathIndirect{"path", "indirect light by path tracing"
                                         },
                                         nullptr, false};
 
+constexpr bool kWarm = true;
+
 std::uint32_t whole(double value) { return static_cast<std::uint32_t>(value); }
 
 ParetoAxis spp(std::vector<double> values) {
@@ -56,6 +58,18 @@ ParetoAxis rays_per_record(std::vector<double> values) {
 ParetoAxis cell_size(std::vector<double> values) {
   return {"cell_size", [](FrameRequest& r, double v) { r.cell_size = static_cast<float>(v); },
           std::move(values)};
+}
+
+/// For methods that interpolate at a level of their own.
+template <Interpolation kLevel>
+void interpolate(FrameRequest& r) {
+  r.interpolation = kLevel;
+}
+
+std::string_view to_string(Interpolation level) {
+  const auto at = std::find_if(kInterpolations.begin(), kInterpolations.end(),
+                               [&](const InterpolationEntry& e) { return e.level == level; });
+  return at->name;
 }
 
 /// The value of a metric that has a single one.
@@ -81,23 +95,29 @@ std::uint64_t seed_of(const ParetoRequest& request, unsigned repetition) {
 }  // namespace
 
 const std::vector<ParetoMethod>& pareto_methods() {
-  static const std::vector<double> kVpls{64, 256, 1024, 4096}, kAccuracies{0.4, 0.2, 0.1};
+  static const std::vector<ParetoAxis> kGathered{accuracy({0.4, 0.2, 0.1, 0.05}),
+                                                 rays_per_record({16, 64, 256, 1024})};
+  static const std::vector<ParetoAxis> kInstant{accuracy({0.4, 0.2, 0.1}), vpls({64, 256, 1024, 4096})};
+  static const IntegratorEntry& cache = find_integrator("irradiance_cache");
+  static const IntegratorEntry& ic = find_integrator("instant_caching");
+  static const IntegratorEntry& tic = find_integrator("temporal_instant_caching");
   static const std::vector<ParetoMethod> methods{
-      {"path", &kPathIndirect, {spp({1, 2, 4, 8, 16, 32, 64, 128, 256})}},
-      {"instant_gi", &find_integrator("instant_gi"), {vpls({64, 128, 256, 512, 1024, 2048})}},
+      {"path", kPathIndirect, {spp({1, 2, 4, 8, 16, 32, 64, 128, 256})}},
+      {"instant_gi", find_integrator("instant_gi"), {vpls({64, 128, 256, 512, 1024, 2048})}},
       {"instant_gi_interleaved",
-       &find_integrator("instant_gi_interleaved"),
+       find_integrator("instant_gi_interleaved"),
        {vpls({64, 128, 256, 512, 1024, 2048, 4096})}},
-      {"irradiance_cache",
-       &find_integrator("irradiance_cache"),
-       {accuracy({0.4, 0.2, 0.1, 0.05}), rays_per_record({16, 64, 256, 1024})}},
-      {"instant_caching", &find_integrator("instant_caching"), {accuracy(kAccuracies), vpls(kVpls)}},
-      {"temporal_instant_caching",
-       &find_integrator("temporal_instant_caching"),
-       {accuracy(kAccuracies), vpls(kVpls)},
-       nullptr,
-       true},
-      {"hash_cells", &find_integrator("hash_cells"), {cell_size({2, 4, 8, 16, 32}), spp({1, 4, 16, 64})}},
+      {"irradiance_cache", cache, kGathered},
+      {"irradiance_cache_bounded", cache, kGathered, interpolate<Interpolation::bounded>},
+      {"irradiance_cache_gradients", cache, kGathered, interpolate<Interpolation::gradients>},
+      {"irradiance_cache_neighbours", cache, kGathered, interpolate<Interpolation::neighbour_clamping>},
+      {"irradiance_cache_geometric", cache, kGathered, interpolate<Interpolation::geometric_hessian>},
+      {"irradiance_cache_occlusion", cache, kGathered, interpolate<Interpolation::occlusion_hessian>},
+      {"instant_caching", ic, kInstant},
+      {"instant_caching_gradients", ic, kInstant, interpolate<Interpolation::gradients>},
+      {"temporal_instant_caching", tic, kInstant, nullptr, kWarm},
+      {"temporal_instant_caching_gradients", tic, kInstant, interpolate<Interpolation::gradients>, kWarm},
+      {"hash_cells", find_integrator("hash_cells"), {cell_size({2, 4, 8, 16, 32}), spp({1, 4, 16, 64})}},
   };
   return methods;
 }
@@ -222,14 +242,20 @@ Image ParetoStudy::under_direct_light(const Image& indirect) const {
   return out;
 }
 
-ParetoStudy::Rendered ParetoStudy::render(const ParetoPoint& point, unsigned repetition) {
+FrameRequest ParetoStudy::request_of(const ParetoPoint& point, unsigned repetition) const {
   const FrameRequest& f = request_.frame;
-  FrameRequest r{f.rays, f.team, *point.method->integrator, f.cache, f.width, f.height};
+  FrameRequest r{f.rays, f.team, point.method->integrator, f.cache, f.width, f.height};
   r.light_samples = f.light_samples;
   r.tiles = f.tiles;
   r.seed = seed_of(request_, repetition);
   if (point.method->also != nullptr) point.method->also(r);
   for (std::size_t i = 0; i < point.values.size(); ++i) point.method->axes[i].set(r, point.values[i]);
+  return r;
+}
+
+ParetoStudy::Rendered ParetoStudy::render(const ParetoPoint& point, unsigned repetition) {
+  const FrameRequest& f = request_.frame;
+  FrameRequest r = request_of(point, repetition);
   const std::uint32_t frames = f.rays.scene().frames;
   if (point.method->is_warm) f.rays.go_to(static_cast<float>((request_.number + frames - 1) % frames));
   FrameRenderer renderer(r);
@@ -257,7 +283,7 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   errors.add(reference_.indirect, made.indirect);
 
   const FrameRequest& f = request_.frame;
-  const IntegratorEntry& integrator = *point.method->integrator;
+  const IntegratorEntry& integrator = point.method->integrator;
   Entry entry;
   entry.name = name;
   entry.repetitions = request_.repetitions;
@@ -271,6 +297,7 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["method"] = point.method->name;
   c["integrator"] = integrator.name;
   c["cache"] = integrator.needs_cache() ? f.cache.traits.name : "none";
+  if (integrator.needs_cache()) c["interpolation"] = to_string(request_of(point, repetition).interpolation);
   for (std::size_t i = 0; i < point.values.size(); ++i) {
     const double value = point.values[i];
     auto& field = c[std::string(point.method->axes[i].name)];

@@ -33,7 +33,7 @@ struct ParetoAxis {
 /// A method: an integrator, all combinations of the values of its parameters, and what else it asks for.
 struct ParetoMethod {
   std::string_view name;
-  const IntegratorEntry* integrator;
+  const IntegratorEntry& integrator;
   std::vector<ParetoAxis> axes;
   void (*also)(FrameRequest&) = nullptr;
   bool is_warm = false;  ///< keeps state over frames: measured after the frame before
@@ -112,6 +112,7 @@ class ParetoStudy {
     Image indirect, picture;
   };
 
+  FrameRequest request_of(const ParetoPoint& point, unsigned repetition) const;
   Rendered render(const ParetoPoint& point, unsigned repetition);
   Image under_direct_light(const Image& indirect) const;
 
