@@ -51,7 +51,7 @@ def choices(part: pd.DataFrame) -> str:
         rival = best_within(path, budget)
         known = rival is not None
         cells = [f"<td class=\"key\">{text(style.short_duration(budget))}</td>", f"<td>{_named(best)}</td>",
-                 f'<td class="n">{style.number(best["relmse"])}{" *" if best.get("below_reference") else ""}</td>',
+                 f'<td class="n">{style.number(best["relmse"])}{"&nbsp;*" if best.get("below_reference") else ""}</td>',
                  f'<td class="n">{style.number(rival["relmse"]) if known else "–"}</td>',
                  f'<td class="n">{style.number(rival["relmse"] / best["relmse"]) if known else "–"}</td>']
         for error in others:
@@ -91,7 +91,7 @@ def front_table(part: pd.DataFrame) -> str:
         cells = [f"<td>{_named(line)}</td>", f'<td class="n">{seconds}</td>']
         for error in shown:
             value = interval(line[error], line[f"{error}_low"], line[f"{error}_high"])
-            star = " *" if error == "relmse" and line.get("below_reference") else ""
+            star = "&nbsp;*" if error == "relmse" and line.get("below_reference") else ""
             cells.append(f'<td class="n{" good" if line[f"front_{error}"] else ""}">{value}{star}</td>')
         cells += [f'<td class="n">{style.number(line[n])}</td>' for n in has]
         lines.append(f"<tr>{''.join(cells)}</tr>")
@@ -108,8 +108,8 @@ def _legend(part: pd.DataFrame) -> str:
         said += (f"Bias is what {style.plural(runs, 'independent run')} have in common, deviation what sets them "
                  "apart, both W/(m² sr), by bias² = MSE - variance less the reference's; 0 means not to be told "
                  "from noise. ")
-    said += ("The mean is over the reference's mean. The whole picture has one sample through the centre of each pixel, "
-             "its reference samples all over it: edges count there, and for all methods alike")
+    said += ("The mean is over the reference's mean. The whole picture has one sample through the centre of each "
+             "pixel, its reference samples all over it: edges count there, and for all methods alike")
     return said
 
 
@@ -157,7 +157,8 @@ def section(measured: Measured, anchor: str, figure: str) -> str:
         for pictures in measured.pictures:
             if pictures.index.get("scene") == scene:
                 made += gallery(pictures)
-                made += note_line("the pictures have the reference's direct light; below each is its error as FLIP, "
-                                  "black is none")
+                made += note_line("of each method the setting of least relMSE that is no slower; all pictures have "
+                                  "the reference's direct light. Below each is its error as FLIP, where black is "
+                                  "none")
     names = ", ".join(path.name for path in measured.paths)
     return made + f'<p class="note">From <code>{text(names)}</code>, measured on {text(measured.label)}.</p>'

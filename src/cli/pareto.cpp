@@ -105,8 +105,8 @@ float exposure_for(const Image& image) {
   return bright > 0.0 ? static_cast<float>(0.9 / bright) : 1.0f;
 }
 
-/// Writes for each budget every method's setting that comes nearest to it from below, with its FLIP map, and
-/// images.json, which tells what they are.
+/// Writes for each budget the best that every method makes in that time, with its FLIP map, and images.json, which
+/// tells what they are.
 void write_images(const ParetoOptions& o, ParetoStudy& study, const std::vector<ParetoPoint>& points,
                   const std::map<std::string, Medians>& medians) {
   const fs::path folder = o.images;
@@ -120,11 +120,15 @@ void write_images(const ParetoOptions& o, ParetoStudy& study, const std::vector<
     };
     const auto at = std::find_if(points.begin(), points.end(), is_budget);
     const double seconds = medians.at(study.name_of(*at)).seconds;
-    std::map<std::string_view, const ParetoPoint*> nearest;  // by method
+    // Of the settings of a method that the budget pays the best: on the method's own front the nearest below.
+    std::map<std::string_view, const ParetoPoint*> nearest;
     for (const ParetoPoint& p : points) {
       const ParetoPoint*& best = nearest[p.method->name];
-      const double mine = medians.at(study.name_of(p)).seconds;
-      if (mine <= seconds && (best == nullptr || mine > medians.at(study.name_of(*best)).seconds)) best = &p;
+      const Medians& mine = medians.at(study.name_of(p));
+      if (mine.seconds <= seconds &&
+          (best == nullptr || mine.relmse < medians.at(study.name_of(*best)).relmse)) {
+        best = &p;
+      }
     }
     Json pictures = Json::array();
     for (const ParetoMethod& method : pareto_methods()) {
@@ -242,7 +246,7 @@ void pareto_command(const ParetoOptions& o) {
   const std::map<std::string, Medians> medians = medians_of(rows);
   if (!o.images.empty()) write_images(o, study, points, medians);
   results.finish();
-  print_front(medians);
+  if (fs::is_regular_file(o.out)) print_front(medians);  // standard output may be where the results went
   progress.finish();
 }
 
@@ -250,8 +254,8 @@ void pareto_command(const ParetoOptions& o) {
 
 void add_pareto(CLI::App& app) {
   const auto o = std::make_shared<ParetoOptions>();
-  CLI::App* pareto = app.add_subcommand(
-      "pareto", "Measure speed against error of every method over its parameters, on one frame");
+  CLI::App* pareto =
+      app.add_subcommand("pareto", "Measure speed against error of every method over its parameters");
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return pareto->add_option(name, value, help)->capture_default_str();
   };

@@ -166,9 +166,9 @@ class HashCellsPass final : public IndirectPass {
 
 }  // namespace
 
-// All atomics are relaxed. A fingerprint publishes nothing but itself: the numbers of a cell are 0 from its construction
-// or its sweep on, and Crew::run orders both before any thread that adds (its partner), as it orders every addition
-// before the loads of sum(). Additions commute, and no thread reads what another adds meanwhile.
+// All atomics are relaxed. A fingerprint publishes nothing but itself: the numbers of a cell are 0 from its
+// construction or its sweep on, and Crew::run orders both before any thread that adds (its partner), as it orders every
+// addition before the loads of sum(). Additions commute, and no thread reads what another adds meanwhile.
 
 CellTable::CellTable(std::size_t cells)
     : mask_(std::bit_ceil(std::clamp<std::size_t>(cells, 1, std::size_t{1} << 31)) - 1),

@@ -1,8 +1,8 @@
 // Speed against error: every method over its parameters, on one frame of one scene, against path tracing.
 //
 // A picture is one sample through the centre of each pixel, for all methods and for the reference they are judged by:
-// path-traced indirect light at the very same hits. So neither edges nor direct light count as error of a method. Beside
-// that stands the error of the whole picture against path tracing with samples all over the pixel, as a user sees it.
+// path-traced indirect light at the very same hits. So neither edges nor direct light count as error of a method.
+// Beside that stands the error of the whole picture against path tracing with samples all over the pixel.
 //
 // Every reference carries its own error, from two independent halves. Runs of a setting are independent of each other;
 // what they have in common is bias, what sets them apart is variance.
