@@ -347,9 +347,11 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
 TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {
   const RayTracer& rays = cornell_box_rays();
   const VplSet set = traced_set(rays, 100, 5);
-  const Bits all(set.vpls().words(), ~std::uint64_t{0});
   const Hit x = reflecting_hits(rays, 4).front();
-  const IrradianceGradients g = gradients_from(all, x, set.vpls(), 1e-12f);
+  Tracer tracer(rays);
+  Bits bits(set.vpls().words());
+  trace_visibility(tracer, x, set.vpls(), bits);
+  const IrradianceGradients g = gradients_from(bits, x, set.vpls(), 1e-12f);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_TRUE(g.translational[c] == glm::vec3(0.0f) && g.rotational[c] == glm::vec3(0.0f));
 }

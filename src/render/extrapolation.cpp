@@ -20,12 +20,14 @@ constexpr float kLeastReach = 0.01f;  // of the diagonal, times a
 constexpr float kMostReach = 0.2f;    // of the diagonal
 constexpr float kMostStretch = 2.0f;  // of an ellipse
 
-// E / |gradient of E|, metres; infinite where nothing changes.
+// E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
+// or 1e-20 would leave the range of floats.
 float change_length(const Irradiance& E, const IrradianceGradients& g) noexcept {
+  const float brightness = luminance(E);
+  if (!(brightness > 0.0f)) return std::numeric_limits<float>::infinity();
   const glm::vec3 gradient =
       0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
-  const float slope = glm::length(gradient);
-  return slope > 0.0f ? luminance(E) / slope : std::numeric_limits<float>::infinity();
+  return 1.0f / glm::length(gradient / brightness);
 }
 
 }  // namespace
@@ -41,13 +43,18 @@ const InterpolationEntry& find_interpolation(std::string_view name) {
 }
 
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept {
-  const auto limit = [](glm::vec3& v, float most) {
-    const float length = glm::length(v);
-    if (length > most) v *= most / length;
+  const auto limit = [](glm::vec3& v, float value, float most) {  // |v| <= value most
+    const glm::vec3 relative = v / value;
+    const float length = glm::length(relative);
+    if (!std::isfinite(length))
+      v = glm::vec3(0.0f);  // nothing to change: black, or as good as that
+    else if (length > most)
+      v = relative * (most / length * value);
   };
   for (int c = 0; c < 3; ++c) {
-    limit(gradients.translational[static_cast<std::size_t>(c)], E[c] / R);
-    limit(gradients.rotational[static_cast<std::size_t>(c)], E[c] * kMostTurn);
+    const auto channel = static_cast<std::size_t>(c);
+    limit(gradients.translational[channel], E[c], 1.0f / R);
+    limit(gradients.rotational[channel], E[c], kMostTurn);
   }
 }
 
@@ -119,8 +126,9 @@ float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance
   if (seen.strata.elevations >= kLeastElevationsForHessian) {
     const glm::mat2 H = level_ == Interpolation::occlusion_hessian ? occlusion_hessian(seen, near)
                                                                    : geometric_hessian(seen, near);
-    const Eigen2 e = magnitudes_of(H);
-    const float scale = kHessianScale * diagonal_ * diagonal_ * luminance(E);
+    const float brightness = luminance(E);
+    const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness : glm::mat2(0.0f));
+    const float scale = kHessianScale * diagonal_ * diagonal_;
     const float slow = a_ * change_length(E, detail.gradients);
     const auto reach = [&](float lambda) {
       const float r = lambda > 0.0f ? a_ * std::pow(scale / lambda, 0.25f) : most;
