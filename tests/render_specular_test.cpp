@@ -248,12 +248,14 @@ TEST(RenderPrimary, HitsDependNeitherOnThreadsNorOnTilesNorOnWhatWasThereBefore)
     for_tiles(rays, kSize, kSize, TileOrder::random, 5, [&](Tracer& t, const Tile& tile) {
       primary_tile(t, view, Lens::jittered, {.seed = seed}, tile, many);
     });
-  std::vector<std::pair<glm::vec3, glm::vec3>> first, second;
-  for (const auto& [primary, to] : {std::pair{&one, &first}, {&many, &second}})
-    for_each_visible({0, 0, kSize, kSize}, *primary, [&](const Visible& x) {
-      if (!x.hit.missed()) to->emplace_back(x.hit.p, x.weight);
+  const auto seen_in = [](const PrimaryHits& primary) {
+    std::vector<std::pair<glm::vec3, glm::vec3>> out;
+    for_each_visible({0, 0, kSize, kSize}, primary, [&](const Visible& x) {
+      if (!x.hit.missed()) out.emplace_back(x.hit.p, x.weight);
     });
-  EXPECT_EQ(first, second);
+    return out;
+  };
+  EXPECT_EQ(seen_in(one), seen_in(many));
   // Through the centre, whatever the sample.
   primary_tile(tracer, view, Lens::centre, {.seed = 1}, {0, 0, kSize, kSize}, one);
   primary_tile(tracer, view, Lens::centre, {.seed = 2, .frame = 3}, {0, 0, kSize, kSize}, many);

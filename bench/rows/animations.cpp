@@ -10,18 +10,19 @@ namespace {
 // An integrator at work on a scene of its own: go_to tells each what changed since its last frame.
 class Studio {
  public:
-  Studio(const Machine& machine, std::string_view integrator, std::string_view scene, std::uint32_t vpls,
-         std::uint64_t seed)
-      : rays_(make_scene(scene)),
+  Studio(const Machine& machine, std::string_view integrator, const Setting& setting, std::uint64_t seed,
+         Interpolation interpolation = Interpolation::gradients)
+      : rays_(make_scene(setting.scene)),
         team_(machine.topology, Placement::compact, machine.units()),
         renderer_({.rays = rays_,
                    .team = team_,
                    .integrator = find_integrator(integrator),
-                   .cache = find_cache("wait_free"),
+                   .cache = find_cache("packed_wait_free"),
                    .width = kAnimationWidth,
                    .height = kAnimationHeight,
-                   .vpls = vpls,
-                   .a = kAnimationAccuracy,
+                   .vpls = setting.vpls,
+                   .a = setting.accuracy,
+                   .interpolation = interpolation,
                    .seed = seed}) {}
 
   FrameCost render(std::uint32_t frame) { return renderer_.render(frame); }
@@ -36,8 +37,8 @@ class Studio {
 class OverTemporal : public Experiment {
  public:
   OverTemporal(const Machine& machine, std::string_view integrator, const Animation& animation)
-      : other_(machine, integrator, animation.scene, animation.vpls, machine.seed),
-        temporal_(machine, "temporal_instant_caching", animation.scene, animation.vpls, machine.seed) {}
+      : other_(machine, integrator, animation.setting, machine.seed),
+        temporal_(machine, "temporal_instant_caching", animation.setting, machine.seed) {}
 
   Sample sample() override {
     const bool temporal_first = (frame_ & 1u) != 0;
@@ -56,14 +57,13 @@ class OverTemporal : public Experiment {
 
 class TemporalVisible : public Experiment {
  public:
-  TemporalVisible(const Machine& machine, std::string_view scene, std::uint32_t vpls)
-      : machine_(machine), scene_(scene), vpls_(vpls) {}
+  TemporalVisible(const Machine& machine, const Setting& setting) : machine_(machine), setting_(setting) {}
 
   Sample sample() override {
     const std::uint64_t seed = hash_keys(machine_.seed, count_++);
-    Studio temporal(machine_, "temporal_instant_caching", scene_, vpls_, seed);
+    Studio temporal(machine_, "temporal_instant_caching", setting_, seed);
     for (std::uint32_t frame = 0; frame <= kLast; ++frame) temporal.render(frame);
-    Studio instant(machine_, "instant_gi", scene_, vpls_, seed);
+    Studio instant(machine_, "instant_gi", setting_, seed);
     instant.render(kLast);
     return {hdrvdp(instant.picture(), temporal.picture(), nullptr, {}).front().value};
   }
@@ -72,16 +72,15 @@ class TemporalVisible : public Experiment {
   static constexpr std::uint32_t kLast = 5;
 
   Machine machine_;
-  std::string_view scene_;
-  std::uint32_t vpls_;
+  Setting setting_;
   std::uint64_t count_ = 0;
 };
 
 class TemporalMemory : public Experiment {
  public:
   explicit TemporalMemory(const Machine& machine)
-      : temporal_(machine, "temporal_instant_caching", kAnimations[0].scene, kAnimations[0].vpls,
-                  machine.seed) {}
+      : temporal_(machine, "temporal_instant_caching", kAnimations[0].setting, machine.seed,
+                  Interpolation::split_sphere) {}
 
   Sample sample() override {
     const PassFigures figures = temporal_.render(frame_++).pass;
@@ -101,9 +100,8 @@ std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_vi
   return std::make_unique<OverTemporal>(machine, integrator, animation);
 }
 
-std::unique_ptr<Experiment> temporal_visible(const Machine& machine, std::string_view scene,
-                                             std::uint32_t vpls) {
-  return std::make_unique<TemporalVisible>(machine, scene, vpls);
+std::unique_ptr<Experiment> temporal_visible(const Machine& machine, const Setting& setting) {
+  return std::make_unique<TemporalVisible>(machine, setting);
 }
 
 std::unique_ptr<Experiment> temporal_memory(const Machine& machine) {

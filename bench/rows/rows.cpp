@@ -81,9 +81,9 @@ void add_animations(std::vector<Row>& rows) {
     const auto add = [&](std::string_view integrator, std::string_view in_name, std::string_view in_words,
                          double target) {
       rows.push_back(
-          {fmt::format("{}_over_tic_{}", in_name, animation.scene),
+          {fmt::format("{}_over_tic_{}", in_name, animation.setting.scene),
            fmt::format("indirect time of a frame of {}, {} virtual lights: {} / temporal instant caching",
-                       animation.scene, animation.vpls, in_words),
+                       animation.setting.scene, animation.setting.vpls, in_words),
            Relation::at_least, target, [&animation, integrator](const Machine& machine) {
              return over_temporal(machine, integrator, animation);
            }});
@@ -91,19 +91,20 @@ void add_animations(std::vector<Row>& rows) {
     add("instant_gi", "igi", "instant global illumination", animation.igi_over_tic);
     add("instant_caching", "ic", "instant caching", animation.ic_over_tic);
   }
-  for (const Still& still : stills()) {
+  for (const Setting& setting : judged_scenes()) {
     rows.push_back(
-        {fmt::format("tic_visible_{}", still.scene),
+        {fmt::format("tic_visible_{}", setting.scene),
          fmt::format("percent of the pixels of {} told apart (HDR-VDP, P > 75 %), temporal instant caching "
                      "against instant global illumination",
-                     still.scene),
+                     setting.scene),
          Relation::at_most, 0.33,
-         [still](const Machine& machine) { return temporal_visible(machine, still.scene, still.vpls); }});
+         [setting](const Machine& machine) { return temporal_visible(machine, setting); }});
   }
-  rows.push_back(
-      {"tic_memory",
-       "bytes kept of a record beside the cache by temporal instant caching / 64 and a bit a virtual light",
-       Relation::at_most, 1.0, temporal_memory});
+  rows.push_back({"tic_memory",
+                  "bytes kept of a record beside the cache by temporal instant caching, gradients aside / 64 "
+                  "and a bit a virtual "
+                  "light",
+                  Relation::at_most, 1.0, temporal_memory});
 }
 
 }  // namespace

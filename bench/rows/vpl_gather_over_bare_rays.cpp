@@ -16,9 +16,9 @@ constexpr int kSide = 24;  // pixels a side of the image at whose hits is gather
 class VplGatherOverBareRays : public Experiment {
  public:
   explicit VplGatherOverBareRays(const Machine& machine)
-      : rays_(make_scene(kAnimations[0].scene)),
+      : rays_(make_scene(kAnimations[0].setting.scene)),
         tracer_(rays_),
-        vpls_(rays_, {kAnimations[0].vpls, machine.seed}),
+        vpls_(rays_, {kAnimations[0].setting.vpls, machine.seed}),
         clamp_(vpl_clamp(rays_.scene().bounds)) {
     trace_all(vpls_, tracer_);
     for (const Hit& hit : centre_hits(rays_, kSide, kSide).hits) {

@@ -217,7 +217,7 @@ class Run:
             "source": kSource, "complete": complete, "mode": s.mode,
             "command_line": shlex.join(["bench/tables",
                                         *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
-            "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.accuracy, "seed": s.seed},
+            "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.asked_accuracy, "seed": s.seed},
             "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
                 "whole_frames": kWholeFrameRange,
                 "indirect_times": {k: v.__dict__

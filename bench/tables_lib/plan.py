@@ -132,7 +132,7 @@ class Planner:
         arguments = [
             "render", "--scene", scene, "--integrator", integrator, "--frame",
             str(frame), "--size", self.size, "--spp",
-            str(spp), *self._method(integrator, vpls, cache, accuracy, threads, seed), "--out", "picture.exr"
+            str(spp), *self._method(scene, integrator, vpls, cache, accuracy, threads, seed), "--out", "picture.exr"
         ]
         return Job(scene, label, tuple(arguments), f"render {integrator}",
                    self._guess(integrator, vpls, spp, 1), () if repetition else ("picture.exr", ),
@@ -145,20 +145,21 @@ class Planner:
         arguments = [
             "animate", "--scene", scene, "--integrator", integrator, "--frames",
             str(frames), "--size", self.size, "--spp", "1",
-            *self._method(integrator, vpls, cache, accuracy, threads, None), "--format",
+            *self._method(scene, integrator, vpls, cache, accuracy, threads, None), "--format",
             "exr" if keep else "none", "--out", "frames"
         ]
         return Job(scene, label, tuple(arguments), f"animate {integrator}",
                    self._guess(integrator, vpls, 1, frames), ("frames", ) if keep else (),
                    repetition=repetition)
 
-    def _method(self, integrator: str, vpls: int, cache: str, accuracy: float | None, threads: int,
+    def _method(self, scene: str, integrator: str, vpls: int, cache: str, accuracy: float | None, threads: int,
                 seed: int | None) -> list[str]:
         options = ["--seed", str(self.settings.seed if seed is None else seed)]
         if integrator.startswith("instant_") or integrator.startswith("temporal_"):
             options += ["--vpls", str(vpls)]
         if integrator in ("irradiance_cache", *(kIntegrators[m] for m in kCached)):
-            options += ["--cache", cache, "--accuracy", f"{accuracy or self.settings.accuracy:g}"]
+            options += ["--cache", cache, "--accuracy", f"{accuracy or self.settings.accuracy(scene):g}"]
+            options += ["--interpolation", "gradients"]
         return options + (["--threads", str(threads)] if threads else [])
 
     def compare(self, scene: str, label: str, a: list[Input], b: list[Input], metrics: str,
@@ -310,11 +311,11 @@ class Planner:
 
         for method in ("igi", "interleaved"):
             for count in sorted({*scale.few_vpls, *scale.vpl_counts, plan.vpls}):
-                add(method, count, self.settings.accuracy)
+                add(method, count, self.settings.accuracy(scene))
         counts = neighbours(scale.vpl_counts, plan.vpls) if scale.neighbour_vpls else [plan.vpls]
         for method in kCached:
             for count in counts:
-                for accuracy in sorted({*scale.accuracies, self.settings.accuracy}):
+                for accuracy in sorted({*scale.accuracies, self.settings.accuracy(scene)}):
                     add(method, count, accuracy)
 
     def _mechanisms(self, plan: Plan) -> None:

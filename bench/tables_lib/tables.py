@@ -126,7 +126,7 @@ def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
             "flicker": _get(errors, "flicker")
         })
     ours = next((p for p in points
-                 if p["method"] == "tic" and p["vpls"] == plan.vpls and p["accuracy"] == settings.accuracy),
+                 if p["method"] == "tic" and p["vpls"] == plan.vpls and p["accuracy"] == settings.accuracy(plan.scene)),
                 None)
     if ours is None:
         return {"points": points, "target": None, "speedups": {}} if points else None
@@ -235,7 +235,7 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
         "kind": "animation" if plan.is_animation else "still", "vpls": {
             "chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]),
             "curve": vpl_curve(store, plan)
-        }, "reference": {
+        }, "accuracy": settings.accuracy(plan.scene), "reference": {
             "spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),
             "halves": _errors(store, plan.reference_error)
         }, "time": _times(store, plan, rounds),

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -78,8 +79,9 @@ void RecordDetails::clear() noexcept {
 }
 
 std::size_t RecordDetails::bytes() const noexcept {
-  const std::size_t used = std::min<std::size_t>(next_block_.load(std::memory_order_relaxed), blocks_.size());
-  return used * kBlock * sizeof(RecordDetail);
+  const auto taken =
+      std::count_if(blocks_.begin(), blocks_.end(), [](const auto& block) { return block != nullptr; });
+  return static_cast<std::size_t>(taken) * kBlock * sizeof(RecordDetail);
 }
 
 RecordShaper::RecordShaper(Interpolation level, float a, const Bounds& bounds, const RadiusLimits& limits,

@@ -316,7 +316,7 @@ void TemporalSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures_.light_paths;
   figures.light_paths_retraced = figures_.light_paths_retraced;
   figures.vpls_in_use = vpls_.count();
-  figures.bytes_beside_cache = table_.bytes();
+  figures.bytes_beside_cache = table_.bytes() + (shapes_ ? shapes_->details.bytes() : 0);
 }
 
 std::unique_ptr<RecordSource> make_temporal_instant_caching(const PassSetup& setup) {
