@@ -4,6 +4,7 @@ import contention_map
 import efficiency
 import latency
 import lock_wait
+import pareto
 import promises
 import redundant_records
 import speed_error
@@ -20,6 +21,8 @@ import witness
 # Of what was measured.
 FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, speed_error, latency,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
+# Of what icbench pareto measured.
+PARETO_FIGURES = [pareto.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.

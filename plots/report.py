@@ -15,10 +15,12 @@ from PIL import Image
 
 import correctness
 import correctness_page
+import pareto_page
+import pareto_results
 import tables
 from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
-from figures import CORRECTNESS_FIGURES, FIGURES
+from figures import CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES
 from findings import Finding, findings
 from inline import data_uri, drawing
 from over_threads import cache_rows
@@ -27,6 +29,7 @@ from tables import note_line, text
 
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kVerdicts = "correctness.json"
+kPareto = "pareto*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -164,8 +167,10 @@ def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]
     return drawn, left_out
 
 
-def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str) -> str:
-    """Everything about one setup; its figures are written to `folder`, which lies in `out`."""
+def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, further: dict[str, str]) -> str:
+    """Everything about one setup; its figures are written to `folder`, which lies in `out`. `further`: links to
+    the rest of the page, name by anchor.
+    """
     drawn, left_out = _draw(FIGURES, setup, folder)
     figures = "".join(map(note_line, left_out))
     figures += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
@@ -183,7 +188,7 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str) ->
     parts = [part for part in parts if part[4]]
     page = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if prefix else ""
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
-    links += '<a href="#correctness">Correctness</a>'
+    links += "".join(f'<a href="#{anchor}">{name}</a>' for anchor, name in further.items())
     page += f"<nav>{links}</nav>{_summary(setup)}"
     for anchor, heading, _, breaks, content in parts:
         page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
@@ -196,6 +201,23 @@ def _verdicts_beside(paths: list[Path]) -> list[Path]:
     return [folder / kVerdicts for folder in folders if (folder / kVerdicts).exists()]
 
 
+def _pareto_beside(paths: list[Path]) -> list[Path]:
+    """The files of icbench pareto in the folders of the results."""
+    folders = dict.fromkeys(path.resolve().parent for path in paths)
+    return [path for folder in folders for path in sorted(folder.glob(kPareto))
+            if not path.name.endswith(".previous.json")]
+
+
+def _pareto(found: list[pareto_results.Measured], out: Path) -> str:
+    """A section for each machine that icbench pareto ran on."""
+    made = ""
+    for one in found:
+        drawn, left_out = _draw(PARETO_FIGURES, one, folder_of(one, found, out / "figures"))
+        figures = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
+        made += pareto_page.section(one, one.slug, figures + "".join(map(note_line, left_out)))
+    return made
+
+
 def _correctness(found: list[correctness.Correctness], out: Path) -> str:
     """A section for each file of icstress, or how to get one."""
     made = ""
@@ -206,13 +228,14 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
     return made or correctness_page.absent()
 
 
-def build(paths: list[Path], verdicts: list[Path], out: Path, command: str) -> Path:
+def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], out: Path, command: str) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
-    `verdicts` are files of icstress.
+    `verdicts` are files of icstress, `pareto` of icbench pareto.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
+    compared = pareto_results.load(pareto)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -229,7 +252,9 @@ def build(paths: list[Path], verdicts: list[Path], out: Path, command: str) -> P
     body += "".join(map(correctness_page.alarm, checked))
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
-        body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix)
+        further = {one.slug: "All methods" for one in compared[:1]} | {"correctness": "Correctness"}
+        body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
+    body += _pareto(compared, out)
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
@@ -241,11 +266,14 @@ def main() -> int:
     options = parser(__doc__)
     options.add_argument("--correctness", action="append", metavar="FILE", type=Path,
                          help=f"JSON of icstress (default: {kVerdicts} beside RESULTS, if it is there)")
+    options.add_argument("--pareto", action="append", metavar="FILE", type=Path,
+                         help=f"results of icbench pareto (default: {kPareto} beside RESULTS)")
     arguments = options.parse_args()
     verdicts = arguments.correctness or _verdicts_beside(arguments.results)
+    pareto = arguments.pareto or _pareto_beside(arguments.results)
     out = arguments.out or arguments.results[0].parent
     try:
-        print(build(arguments.results, verdicts, out, shlex.join(sys.argv)))
+        print(build(arguments.results, verdicts, pareto, out, shlex.join(sys.argv)))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

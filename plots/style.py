@@ -57,6 +57,20 @@ kCacheStyles = {
     "wait_free_snapshot": CacheStyle(kSky, "s", kSolid),
     "tbb_hash_grid": CacheStyle(kGreen, "s", kDashed),
     "append_log": CacheStyle(kSky, "D", kDashed),
+    # Methods of icbench pareto.
+    "instant_gi": CacheStyle(kVermilion, "s", kSolid),
+    "instant_gi_interleaved": CacheStyle(kOrange, "D", kSolid),
+    "irradiance_cache": CacheStyle(kPurple, "X", kSolid),
+    "irradiance_cache_bounded": CacheStyle(kPurple, "<", kDotted),
+    "irradiance_cache_gradients": CacheStyle(kPurple, "P", kDashed),
+    "irradiance_cache_neighbours": CacheStyle(kPurple, "d", kDashDot, hollow=True),
+    "irradiance_cache_geometric": CacheStyle(kGrey, "v", kDashed),
+    "irradiance_cache_occlusion": CacheStyle(kGrey, "*", kSolid),
+    "instant_caching": CacheStyle(kGreen, "^", kSolid),
+    "instant_caching_gradients": CacheStyle(kGreen, "^", kDashed, hollow=True),
+    "temporal_instant_caching": CacheStyle(kBlue, "o", kSolid),
+    "temporal_instant_caching_gradients": CacheStyle(kBlue, "o", kDashed, hollow=True),
+    "hash_cells": CacheStyle(kSky, "h", kSolid),
 }
 # What a cell of the contention map has room for.
 kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue",

@@ -35,7 +35,7 @@ class Animate(Case):
 
     def test_every_integrator_animates(self):
         for integrator in ("whitted", "path", "irradiance_cache", "instant_gi", "instant_gi_interleaved",
-                           "instant_caching", "temporal_instant_caching"):
+                           "instant_caching", "temporal_instant_caching", "hash_cells"):
             with self.subTest(integrator):
                 self.succeed(*small_animation(out="none", format="none", integrator=integrator, json="a.json"))
                 cost = self.load("a.json")
@@ -43,6 +43,7 @@ class Animate(Case):
                 self.assertEqual("records" in cost, "cach" in integrator)
                 self.assertEqual("light_paths" in cost, "instant" in integrator)
                 self.assertEqual("vpls" in cost, "instant" in integrator)
+                self.assertEqual("cells" in cost["frames"][0], integrator == "hash_cells")
 
     def test_nothing_changes_so_temporal_caching_keeps_everything(self):
         self.succeed(*small_animation(scene="white_furnace", format="none", threads=1, json="a.json",

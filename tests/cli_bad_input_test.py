@@ -7,7 +7,7 @@ import resource
 import subprocess
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_render, small_sweep
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_pareto, small_render, small_sweep
 
 
 class BadInput(Case):
@@ -35,6 +35,10 @@ class BadInput(Case):
                 (["render", "--scene", "cornel_box"], "cornell_box"),
                 (["render", "--integrator", "iradiance_cache"], "irradiance_cache"),
                 (["render", "--cache", "waitfree"], "wait_free"),
+                (["pareto", "--methods", "path,hash_cell"], "hash_cells"),
+                (["pareto", "--grid", "corse"], "coarse"),
+                (["pareto", "--scene", "cornel_box"], "cornell_box"),
+                (["pareto", "--cache", "waitfree"], "wait_free"),
                 (["compare", "a", "b", "--metrics", "rmse,relmes"], "relmse")):
             with self.subTest(arguments):
                 self.refuse(*arguments, says=["unknown", f"did you mean '{nearest}'?"])
@@ -68,10 +72,20 @@ class BadInput(Case):
             "--rays": ["0", "-1", "1.5"],
             "--accuracy": ["0", "-1", "nan", "2", "x"],
             "--exposure": ["0", "-1", "nan", "inf", ""],
+            "--cell-size": ["0", "-1", "nan", "1e9"],
+            "--paths": ["0", "-1", "1.5"],
             "--tiles": ["foo"],
             "--placement": ["foo"],
         }
-        for command, options in ("sweep", [numbers, sweep]), ("render", [numbers, render]):
+        pareto = {
+            "--size": ["0x0", "5"],
+            "--methods": ["", "path,", "path,path"],
+            "--repetitions": ["0", "x"],
+            "--reference-spp": ["1", "0"],
+            "--frame": ["-1", "100", "1.5"],
+        }
+        for command, options in ("sweep", [numbers, sweep]), ("render", [numbers, render]), (
+                "pareto", [numbers, pareto]):
             for option, values in itertools.chain.from_iterable(o.items() for o in options):
                 for value in values:
                     with self.subTest(command=command, option=option, value=value):
@@ -107,7 +121,7 @@ class BadInput(Case):
             places += ["locked/a.exr", "locked.exr"]
         for place in places:
             for arguments in (small_sweep(out=place), small_render(out=place),
-                              small_render(json=place),
+                              small_render(json=place), small_pareto(out=place),
                               ["compare", "picture.exr", "picture.exr", "--json", place]):
                 with self.subTest(arguments):
                     before = self.contents()
@@ -118,6 +132,8 @@ class BadInput(Case):
         self.refuse(*small_render(out="/proc/a.exr"), says=["/proc/a.exr"])
         self.refuse(*small_render(out="a.jpg"), says=[".exr or .png"])
         self.refuse(*small_sweep(out="/dev/null"), "--resume", says=["cannot resume"])
+        self.refuse(*small_pareto(out="a.json", images="results.json"), says=["--images"])
+        self.refuse(*small_pareto(out="a.json", images="shots", methods="hash_cells"), says=["add path"])
 
     def test_full_disks(self):
         for name in "full.exr", "full.png":

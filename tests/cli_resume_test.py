@@ -14,7 +14,7 @@ import subprocess
 import time
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_sweep
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_pareto, small_sweep
 
 KILLS = int(os.environ.get("ICBENCH_KILLS", 12))
 
@@ -253,6 +253,28 @@ class Interrupted(Case):
         self.assertGreaterEqual(len(safe), 2)
         self.assertLess(len(safe), len(SLOW.keys))
         self.assert_completes(SLOW, safe)
+
+    def test_a_killed_comparison_goes_on_as_if_it_had_not_been(self):
+        plan = Plan([], [], [], 0)
+        plan.arguments = [*small_pareto(repetitions=4, threads=1, out="r.json"), "--resume"]
+        self.succeed(*small_pareto(repetitions=4, threads=1, out="whole.json"))
+        fields = ["rmse", "relmse", "hdrvdp_p75", "full_relmse", "bias", "deviation", "bias_runs", "rays", "records"]
+
+        def told(name):
+            return {key_of(row): [row.get(f) for f in fields] for row in self.load(name)["benchmarks"]}
+
+        whole = told("whole.json")
+        (self.folder / "whole.json").unlink()
+        plan.keys = whole.keys()
+        for wanted in 3, 15:
+            process = self.start(plan)
+            self.wait_for_rows(process, wanted)
+            process.kill()
+            self.assertNotEqual(process.wait(PATIENCE), 0)
+        self.assert_completes(plan, self.safe_rows())
+        self.assertEqual(told("r.json"), whole)
+        self.refuse(*small_pareto(repetitions=4, threads=1, out="r.json", size="25x24"), "--resume",
+                    says=["cannot resume", "size is"])
 
     def test_two_sweeps_never_share_a_file(self):
         process = self.start(SLOW)

@@ -40,6 +40,12 @@ def small_sweep(**changes):
                                   "repetitions": 1}, changes)
 
 
+def small_pareto(**changes):
+    """Arguments of a comparison of two methods on a few pixels."""
+    return arguments_of("pareto", {"size": "24x24", "methods": "path,hash_cells", "grid": "coarse",
+                                   "repetitions": 1, "reference-spp": 4}, changes)
+
+
 class Case(unittest.TestCase):
     """A test in a folder of its own."""
 

@@ -4,12 +4,13 @@
 import itertools
 import json
 import os
+import statistics
 import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_render, write_white_png
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, write_white_png
 
 
 class Sweep(Case):
@@ -285,6 +286,129 @@ class Help(Case):
         names = [":".join([row["name"], *row["parameters"].split()]) for row in rows]
         # Parsed before the cache's name, which is refused.
         self.refuse("sweep", "--workloads", ",".join(names), "--caches", "nul", says=["did you mean 'null'?"])
+
+
+class Pareto(Case):
+    """Speed against error of a few methods on a few pixels, looked at from all sides."""
+
+    METHODS = ["path", "hash_cells", "instant_caching", "temporal_instant_caching"]
+    SETTINGS = 5 + 6 + 4 + 4
+
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory(prefix="icbench-cli-") as folder:
+            done = subprocess.run(
+                [ICBENCH, *small_pareto(methods=",".join(cls.METHODS), repetitions=3, threads=1,
+                                        **{"reference-spp": 64}, out="p.json", images="shots")],
+                cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+            if done.returncode != 0:
+                raise AssertionError(done.stderr)
+            results = json.loads((Path(folder) / "p.json").read_text())
+            cls.left_behind = sorted(os.listdir(folder))
+            cls.shots = {path.name: path.stat().st_size for path in (Path(folder) / "shots").iterdir()}
+            cls.index = json.loads((Path(folder) / "shots/images.json").read_text())
+        cls.printed = done.stdout
+        cls.context, cls.rows = results["context"], results["benchmarks"]
+
+    def of(self, method):
+        return [row for row in self.rows if row["method"] == method]
+
+    def medians(self, field):
+        values = {}
+        for row in self.rows:
+            values.setdefault(row["name"], []).append(row[field])
+        return {name: statistics.median(v) for name, v in values.items()}
+
+    def test_one_entry_per_setting_and_repetition(self):
+        self.assertEqual(self.left_behind, ["p.json", "shots"])
+        self.assertIs(self.context["complete"], True)
+        self.assertEqual(len({key_of(row) for row in self.rows}), len(self.rows))
+        names = {row["name"] for row in self.rows}
+        self.assertEqual(len(names), self.SETTINGS)
+        self.assertEqual(len(self.rows), 3 * self.SETTINGS)
+        self.assertIn("pareto/cornell_box/hash_cells/cell_size:8/spp:16", names)
+        self.assertIn("pareto/cornell_box/instant_caching/accuracy:0.1/vpls:64", names)
+
+    def test_fields_of_every_entry(self):
+        always = {"scene", "method", "integrator", "cache", "width", "height", "frame", "seed", "seconds",
+                  "seconds_indirect", "rays", "rmse", "relmse", "flip", "hdrvdp_p75", "hdrvdp_p95", "mean_ratio",
+                  "full_rmse", "full_relmse", "full_flip", "full_mean_ratio", "reference_spp", "reference_rmse",
+                  "reference_relmse", "full_reference_relmse", "below_reference", "real_time", "cpu_time", "threads"}
+        own = {"path": {"spp"}, "hash_cells": {"spp", "cell_size", "records"},
+               "instant_caching": {"vpls", "accuracy", "records"},
+               "temporal_instant_caching": {"vpls", "accuracy", "records"}}
+        for row in self.rows:
+            fields = always | own[row["method"]]
+            fields |= {"bias", "deviation", "bias_runs"} if row["repetition_index"] else set()
+            self.assertLessEqual(fields, row.keys(), row["name"])
+            parameters = "/".join(f"{part.split(':')[0]}:{row[part.split(':')[0]]}"
+                                  for part in row["name"].split("/")[3:])
+            self.assertEqual(row["name"], f"pareto/cornell_box/{row['method']}/{parameters}")
+            self.assertGreater(row["seconds"], row["seconds_indirect"])
+            self.assertEqual(row["below_reference"], row["relmse"] < 2 * row["reference_relmse"])
+            self.assertEqual(row["cache"], "wait_free" if "caching" in row["method"] else "none")
+            self.assertEqual(row.get("interpolation"), "split_sphere" if "caching" in row["method"] else None)
+
+    def test_errors_are_squared_bias_and_variance_and_the_references_own(self):
+        for name in {row["name"] for row in self.rows}:
+            mine = sorted((row for row in self.rows if row["name"] == name), key=lambda r: r["repetition_index"])
+            last = mine[-1]
+            self.assertEqual(last["bias_runs"], 3)
+            if last["bias"] > 0:
+                mean = statistics.fmean(row["rmse"] ** 2 for row in mine)
+                parts = last["bias"] ** 2 + last["deviation"] ** 2 + last["reference_rmse"] ** 2
+                self.assertAlmostEqual(parts / mean, 1, places=6)
+
+    def test_more_samples_are_nearer(self):
+        for few, many in (("path/spp:1", "path/spp:64"), ("hash_cells/cell_size:8/spp:1", "path/spp:64"),
+                          ("path/spp:1", "hash_cells/cell_size:8/spp:1")):
+            error = self.medians("rmse")
+            self.assertLess(error[f"pareto/cornell_box/{many}"], error[f"pareto/cornell_box/{few}"])
+        for row in self.of("path"):
+            if row["spp"] >= 64:
+                self.assertAlmostEqual(row["mean_ratio"], 1, delta=0.1)
+
+    def test_standard_output_is_one_valid_document(self):
+        results = json.loads(self.succeed(*small_pareto(methods="path", size="8x8", out="/dev/stdout")))
+        self.assertEqual(len(results["benchmarks"]), 5)
+
+    def test_the_warm_frame_traces_less(self):
+        rays = self.medians("rays")
+        for name in rays:
+            if "/temporal_instant_caching/" in name:
+                self.assertLess(rays[name], 0.9 * rays[name.replace("/temporal_", "/")])
+
+    def test_the_front_is_what_no_other_point_beats_in_both(self):
+        seconds, error = self.medians("seconds_indirect"), self.medians("relmse")
+        front = {n for n in seconds if not any(seconds[o] < seconds[n] and error[o] < error[n] for o in seconds)}
+        lines = [line.split() for line in self.printed.splitlines() if "pareto/" in line]
+        self.assertEqual({line[-1] for line in lines}, front)
+        self.assertEqual([float(line[0]) for line in lines], sorted(float(line[0]) for line in lines))
+
+    def test_pictures_are_the_best_that_the_budget_pays(self):
+        seconds, error = self.medians("seconds_indirect"), self.medians("relmse")
+        self.assertGreater(self.shots["reference.png"], 0)
+        self.assertEqual([budget["spp"] for budget in self.index["budgets"]], [16, 64])
+        for budget in self.index["budgets"]:
+            limit = seconds[f"pareto/cornell_box/path/spp:{int(budget['spp'])}"]
+            self.assertEqual(sorted(p["method"] for p in budget["pictures"]), sorted(self.METHODS))
+            for picture in budget["pictures"]:
+                mine = [error[n] for n, s in seconds.items() if f"/{picture['method']}/" in n and s <= limit]
+                self.assertEqual("image" in picture, bool(mine))
+                if mine:
+                    chosen = f"pareto/cornell_box/{picture['method']}/{picture['setting']}"
+                    self.assertEqual(error[chosen], min(mine))
+                    self.assertLessEqual(seconds[chosen], limit)
+                    self.assertGreater(min(self.shots[picture["image"]], self.shots[picture["map"]]), 0)
+
+    def test_errors_do_not_depend_on_threads_where_nothing_is_raced_for(self):
+        self.succeed(*small_pareto(repetitions=3, threads=3, **{"reference-spp": 64}, out="many.json"))
+        fields = ["rmse", "relmse", "flip", "mean_ratio", "full_rmse", "rays", "reference_relmse", "seed"]
+        many = {key_of(row): [row[f] for f in fields] for row in self.load("many.json")["benchmarks"]}
+        one = {key_of(row): [row[f] for f in fields] for row in self.of("path") + self.of("hash_cells")}
+        self.assertEqual(one, many)
+        seeds = {row["repetition_index"]: row["seed"] for row in self.rows}
+        self.assertEqual(len(set(seeds.values())), 3, "runs are to be independent")
 
 
 if __name__ == "__main__":

@@ -85,6 +85,8 @@ TEST(Results, ResumingTakesUpWhereItStopped) {
   EXPECT_EQ(r["context"]["resumed"].size(), 2u);
   EXPECT_EQ(r["context"]["resumed"][0]["entries"], 20);
   EXPECT_EQ(dir.entries(), 1u);
+  const ResultsWriter again(dir / "r.json", context(), configuration(), OnExisting::resume);
+  EXPECT_EQ(Json(again.rows()), r["benchmarks"]) << "those that the runs before this one have added";
 }
 
 TEST(Results, ResumingNeedsOnlyTheFileOrOnlyTheJournal) {

@@ -17,13 +17,16 @@ import matplotlib.image
 import numpy as np
 
 from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
-                           few_caches, model_caches, model_results, model_verdicts, read_csv, run,
-                           write_results)
+                           few_caches, model_caches, model_pareto, model_results, model_verdicts, read_csv,
+                           run, write_results)
 
 import cautions
 import correctness
 import correctness_page
 import findings
+import pareto_page
+import pareto_results
+import report
 import results
 from figures import CORRECTNESS_FIGURES, FIGURES
 
@@ -95,6 +98,77 @@ class Report(InFolder):
         caches = model_caches(("packed",), ("wait_free",), ())
         page = self.page(self.results(caches=caches, workloads=("read_only",)))
         self.assertIn("there is no headline", page)
+
+
+class Pareto(InFolder):
+    """What icbench pareto measured, as a part of the report."""
+
+    def page(self, data: dict) -> str:
+        path = write_results(self.folder / "pareto.json", data)
+        return pareto_page.section(pareto_results.load([path])[0], "pareto", "")
+
+    def test_files_beside_the_results_are_found_and_their_part_is_linked(self):
+        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        write_results(self.folder / "pareto.json", model_pareto())
+        self.good("report.py", small, "--out", self.folder / "out")
+        page = (self.folder / "out/report.html").read_text(encoding="utf-8")
+        self.assertEqual(page.count('id="pareto"'), 1)
+        self.assertIn('<a href="#pareto">', page)
+        self.assertIn("<code>figures/pareto.pdf</code>", page)
+        for target in re.findall(r'href="#([^"]+)"', page):
+            self.assertEqual(page.count(f'id="{target}"'), 1, target)
+        (self.folder / "pareto.json").rename(self.folder / "pareto.previous.json")
+        self.assertEqual(report._pareto_beside([small]), [])
+
+    def test_a_budget_buys_the_least_error_that_it_can_pay(self):
+        table = pareto_results.points(pareto_results.load(
+            [write_results(self.folder / "pareto.json", model_pareto())])[0])
+        part = table[table["scene"] == "cornell_box"]
+        for budget in pareto_page.budgets(part):
+            best = pareto_page.best_within(part, budget)
+            affordable = part[part["seconds"] <= budget]
+            self.assertEqual(best["relmse"], affordable["relmse"].min())
+        self.assertIsNone(pareto_page.best_within(part, part["seconds"].min() / 2))
+
+    def test_the_page_says_what_to_use(self):
+        data = model_pareto(scenes=("cornell_box",), methods={"path": [(0.1, 0.5), (1.0, 0.05)],
+                                                              "hash_cells": [(0.2, 0.02)]}, noise=0.0)
+        page = self.page(data)
+        self.assertIn("use hash cells (setting 0): relMSE 0.0200, where path tracing has 0.500 by then", page)
+        self.assertIn("Bias is what 3 independent runs have in common", page)
+
+    def test_pictures_stand_side_by_side_with_their_errors(self):
+        data = model_pareto(scenes=("cornell_box",))
+        data["context"]["images"] = "shots"
+        shots = self.folder / "shots"
+        shots.mkdir()
+        for name in ("reference", "a", "a_error"):
+            matplotlib.image.imsave(shots / f"{name}.png", np.zeros((4, 4)))
+        entry = {"method": "path", "setting": "spp:16", "seconds": 0.5, "relmse": 0.1, "flip": 0.25,
+                 "image": "a.png", "map": "a_error.png"}
+        (shots / "images.json").write_text(json.dumps(
+            {"scene": "cornell_box", "exposure": 1, "reference": "reference.png",
+             "budgets": [{"spp": 16, "seconds": 0.5, "pictures": [entry, {"method": "hash_cells"}]}]}))
+        page = self.page(data)
+        self.assertEqual(page.count("data:image/png;base64,"), 3)
+        self.assertIn("16 spp; 500 ms, FLIP 0.250", page)
+        self.assertIn("<b>hash cells</b>: no setting is that fast", page)
+
+    def test_an_incomplete_run_stands_out(self):
+        self.assertIn("Incomplete: this part", self.page(model_pareto(complete=False)))
+
+    def test_every_wrong_file_is_one_line_and_status_2(self):
+        no_time = model_pareto()
+        for row in no_time["benchmarks"]:
+            del row["seconds_indirect"]
+        for text in ("no json", "[]", '{"context": {}, "benchmarks": []}', '{"benchmarks": [{"name": "a"}]}',
+                     '{"context": {}, "benchmarks": [{"name": "a"}]}', json.dumps(no_time)):
+            (self.folder / "wrong.json").write_text(text)
+            with self.assertRaisesRegex(results.InputError, r"^[^\n]+wrong\.json[^\n]+$"):
+                pareto_results.load([self.folder / "wrong.json"])
+        done = run("pareto.py", self.folder / "wrong.json", "--out", self.folder / "out")
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^[^\n]+wrong\.json[^\n]+\n$")
 
 
 class Correctness(InFolder):
@@ -305,7 +379,9 @@ class MainJob(InFolder):
             shutil.copy(kRoot / "bench" / name, self.root / "bench" / name)
         (self.root / "plots").symlink_to(kPlots)
         self.program("../../../../tools/cmake", "")
-        self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"')
+        compared = write_results(self.folder / "compared.json", model_pareto())
+        self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"\n'
+                                f'[[ $1 != pareto ]] || cp {compared} "$OUT"')
 
     def program(self, name: str, body: str):
         """A program that runs `body` with $OUT set to the value of its --out or --json."""
@@ -336,7 +412,10 @@ class MainJob(InFolder):
         done = self.job()
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
-        self.assertIn('id="correctness-promises"', (self.out / "report.html").read_text())
+        page = (self.out / "report.html").read_text()
+        self.assertIn('id="correctness-promises"', page)
+        self.assertIn('id="pareto-pareto"', page)
+        self.assertIn("icbench pareto", self.calls.read_text())
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')

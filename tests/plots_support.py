@@ -188,6 +188,33 @@ def model_results(threads=(1, 2, 4, 8, 16, 32, 64), workloads=tuple(kWorkloads),
     return {"context": kContext | context, "benchmarks": rows}
 
 
+def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3, noise=0.05, **context) -> dict:
+    """A file of icbench pareto: `methods` have settings of (seconds, relMSE)."""
+    methods = methods or {"path": [(0.03, 0.6), (0.1, 0.2), (0.3, 0.06), (1.0, 0.02)],
+                          "irradiance_cache": [(0.04, 0.03), (0.1, 0.01), (0.5, 0.004)],
+                          "hash_cells": [(0.035, 0.1), (0.2, 0.03)]}
+    random = np.random.default_rng(5)
+    rows = []
+    for repetition in range(repetitions):
+        for scene in scenes:
+            for method, settings in methods.items():
+                for number, (seconds, relmse) in enumerate(settings):
+                    error = relmse * float(np.exp(random.normal(0, noise)))
+                    took = seconds * float(np.exp(random.normal(0, noise)))
+                    rows.append({
+                        "name": f"pareto/{scene}/{method}/setting:{number}", "run_type": "iteration",
+                        "repetition_index": repetition, "threads": 2, "real_time": took * 1.2e3, "time_unit": "ms",
+                        "scene": scene, "method": method, "integrator": method, "cache": "none", "width": 64,
+                        "height": 64, "seed": 7 + repetition, "seconds": took * 1.2, "seconds_indirect": took,
+                        "relmse": error, "rmse": error**0.5 / 10, "flip": error**0.5 / 5,
+                        "hdrvdp_p75": min(100.0, 500 * error), "hdrvdp_p95": min(100.0, 300 * error),
+                        "mean_ratio": 1.0, "full_rmse": error, "full_relmse": error + 0.01, "rays": 1000,
+                        "reference_spp": 64, "reference_rmse": 0.001, "reference_relmse": 0.003,
+                        "below_reference": error < 0.006}
+                        | ({"bias": 0.01, "deviation": 0.02, "bias_runs": repetition + 1} if repetition else {}))
+    return {"context": kContext | context, "benchmarks": rows}
+
+
 kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
 kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
   thread 1 [129, 130] insert of record 82, place 0, size 0

@@ -17,15 +17,17 @@ import unittest
 
 import numpy as np
 
-from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_results,
-                           read_csv, run, write_results)
+from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto,
+                           model_results, read_csv, run, write_results)
 
 import contention_map
 import over_threads
+import pareto
+import pareto_results
 import results
 import speed_error
 import style
-from figures import FIGURES
+from figures import FIGURES, PARETO_FIGURES
 
 
 class Statistics(unittest.TestCase):
@@ -249,6 +251,43 @@ class Machines(InFolder):
                                                     "mix 90/10, hot spot, scatter"})
 
 
+class Pareto(InFolder):
+    def test_the_front_is_what_no_other_point_beats_in_both(self):
+        chance = np.random.default_rng(3)
+        for size in range(1, 40):
+            seconds, error = chance.integers(1, 12, size), chance.integers(1, 12, size)  # with many ties
+            expected = [not any(s < seconds[i] and e < error[i] for s, e in zip(seconds, error))
+                        for i in range(size)]
+            self.assertEqual(list(pareto_results.on_front(seconds, error)), expected)
+
+    def test_every_setting_is_one_line_with_its_medians_and_fronts(self):
+        data = model_pareto()
+        self.good("pareto.py", write_results(self.folder / "pareto.json", data), "--out", self.folder)
+        lines = read_csv(self.folder / "pareto.csv")
+        self.assertEqual(len(lines), len({row["name"] for row in data["benchmarks"]}))
+        for line in lines:
+            name = f"pareto/{line['scene']}/{line['method']}/{line['setting']}"
+            mine = [row for row in data["benchmarks"] if row["name"] == name]
+            self.assertAlmostEqual(float(line["seconds"]), np.median([r["seconds_indirect"] for r in mine]))
+            self.assertAlmostEqual(float(line["relmse"]), np.median([r["relmse"] for r in mine]))
+            self.assertEqual(float(line["bias_runs"]), 3)
+            for error in ("relmse", "flip", "hdrvdp_p75", "full_relmse"):
+                beaten = any(o["scene"] == line["scene"] and float(o["seconds"]) < float(line["seconds"])
+                             and float(o[error]) < float(line[error]) for o in lines)
+                self.assertEqual(line[f"front_{error}"], str(not beaten), (name, error))
+
+    def test_a_panel_a_scene_and_machines_apart(self):
+        first = write_results(self.folder / "a.json", model_pareto(scenes=("desk",)))
+        second = write_results(self.folder / "b.json", model_pareto(scenes=("office",)))
+        other = write_results(self.folder / "c.json", model_pareto(scenes=("desk",), host_name="other"))
+        found = pareto_results.load([first, second, other, first])
+        self.assertEqual([sorted(set(one.rows["scene"])) for one in found], [["desk", "office"], ["desk"]])
+        self.assertEqual(len({one.slug for one in found}), 2)
+        plates = pareto.build(found[0]).plates
+        self.assertEqual([panel.title for panel in plates[0].panels], ["desk", "office"])
+        self.assertEqual([plate.slug for plate in plates], ["relmse", "flip", "hdrvdp_p75"])
+
+
 class WrongInput(InFolder):
     def test_a_python_without_the_modules_is_told_in_one_line(self):
         done = subprocess.run([sys.executable, "-S", "-E", str(kPlots / "report.py"), "x"],
@@ -281,7 +320,7 @@ class WrongInput(InFolder):
         self.refused("throughput.py", self.results(), "--out", "/proc/nowhere")
 
     def test_help(self):
-        for script in ["report.py", *(f"{figure.name}.py" for figure in FIGURES)]:
+        for script in ["report.py", *(f"{figure.name}.py" for figure in [*FIGURES, *PARETO_FIGURES])]:
             done = self.good(script, "--help")
             self.assertIn("--out DIR", done.stdout)
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "render/gather.h"
+#include "render/hash_cells.h"
 #include "render/integrators.h"
 #include "render/irradiance_cache.h"
 #include "render/path.h"
@@ -132,6 +134,156 @@ TEST(RenderPath, PicturesDoNotDependOnThreadsOrTileOrder) {
   const std::size_t bytes = one.pixels.size() * sizeof(glm::vec3);
   EXPECT_EQ(std::memcmp(one.pixels.data(), many.pixels.data(), bytes), 0);
   EXPECT_NE(std::memcmp(one.pixels.data(), other.pixels.data(), bytes), 0) << "the seed is ignored";
+}
+
+// Indirect radiance at the centres of pixels by hash cells, with the figures of the pass.
+struct CellsRun {
+  Image image;
+  PassFigures figures;
+};
+CellsRun run_cells(const RayTracer& rays, int size, const SampleKey& key, std::uint32_t paths,
+                   float cell_size, unsigned threads = 1, std::size_t cells = 1 << 13) {
+  ThreadCrew crew(rays, threads);
+  PassSetup setup{rays, crew, size, size};
+  setup.paths = paths;
+  setup.cell_size = cell_size;
+  const auto pass = make_hash_cells(setup, cells);
+  const PrimaryHits primary = primary_hits(rays, size, size);
+  const auto tiles = make_tiles(size, size, 8, TileOrder::random, threads);
+  CellsRun run{blank(size, size), {}};
+  pass->begin_frame({});
+  for (std::uint32_t sample = 0; sample < 2; ++sample) {  // the second starts from what the first has left
+    const SampleKey now{key.seed, key.frame, key.sample + sample};
+    pass->begin_sample(primary, now);
+    crew.for_each(tiles.size(), 1, [&](unsigned t, Tracer& tracer, std::size_t i) {
+      pass->tile(t, tracer, primary, now, tiles[i], run.image);
+    });
+    pass->end_sample(primary, run.image);
+  }
+  run.figures = pass->figures();
+  return run;
+}
+
+// The samples of the above, unshared.
+Image run_paths(const RayTracer& rays, int size, const SampleKey& key, std::uint32_t paths) {
+  const PrimaryHits primary = primary_hits(rays, size, size);
+  Image image = blank(size, size);
+  const SampleKey last{key.seed, key.frame, (key.sample + 1) * paths};
+  for_tiles(rays, size, size, TileOrder::scanline, 1, [&](Tracer& tracer, const Tile& tile) {
+    path_indirect_tile(tracer, primary, paths, last, tile, image);
+  });
+  return image;
+}
+
+bool are_equal(const Image& a, const Image& b) {
+  return std::memcmp(a.pixels.data(), b.pixels.data(), a.pixels.size() * sizeof(glm::vec3)) == 0;
+}
+
+TEST(RenderHashCells, SharingKeepsTheLightAndTakesTheNoise) {
+  const RayTracer rays(make_scene("white_furnace"));  // of one albedo, so that the mean radiance is kept
+  constexpr int kSize = 32;
+  const Image shared = run_cells(rays, kSize, {.seed = 3}, 2, 8.0f).image;
+  const Image own = run_paths(rays, kSize, {.seed = 3}, 2);
+  Estimate with, without;
+  for (std::size_t i = 0; i < own.pixels.size(); ++i) {
+    with.add(shared.pixels[i].y);
+    without.add(own.pixels[i].y);
+  }
+  EXPECT_NEAR(with.mean(), without.mean(), 1e-6);
+  EXPECT_LT(with.error(), 0.5 * without.error());
+}
+
+TEST(RenderHashCells, MeanIsThatOfPathTracing) {
+  const RayTracer rays(make_scene("cornell_box"));
+  Estimate difference, cells;
+  for (std::uint64_t run = 0; run < 40; ++run) {
+    double sum[2] = {0.0, 0.0};
+    for (const glm::vec3& L : run_cells(rays, 24, {.seed = 2 * run}, 2, 8.0f).image.pixels) sum[0] += L.y;
+    for (const glm::vec3& L : run_paths(rays, 24, {.seed = 2 * run + 1}, 2).pixels) sum[1] += L.y;
+    difference.add(sum[0] - sum[1]);
+    cells.add(sum[0]);
+  }
+  EXPECT_NEAR(difference.mean(), 0.0, 4.0 * difference.error());
+  EXPECT_LT(difference.error(), 0.02 * cells.mean()) << "too few samples to say so";
+}
+
+TEST(RenderHashCells, PicturesDoNotDependOnThreads) {
+  for (const char* scene : {"cornell_box", "cornell_specular"}) {
+    const RayTracer rays(make_scene(scene));
+    const CellsRun one = run_cells(rays, 48, {.seed = 9}, 1, 6.0f);
+    EXPECT_EQ(one.figures.use.full, 0u);
+    EXPECT_GT(one.figures.use.hits, one.figures.use.inserts) << "hardly anything was shared";
+    for (const unsigned threads : {2u, 8u}) {
+      const CellsRun many = run_cells(rays, 48, {.seed = 9}, 1, 6.0f, threads);
+      EXPECT_TRUE(are_equal(one.image, many.image)) << scene;
+      EXPECT_EQ(many.figures.records, one.figures.records);
+    }
+    EXPECT_FALSE(are_equal(one.image, run_cells(rays, 48, {.seed = 10}, 1, 6.0f).image));
+  }
+}
+
+TEST(RenderHashCells, WhoFindsNoRoomKeepsItsOwnSample) {
+  const RayTracer rays(make_scene("cornell_box"));
+  const Image own = run_paths(rays, 24, {.seed = 4}, 3);
+  const CellsRun run = run_cells(rays, 24, {.seed = 4}, 3, 4.0f, 3, 1);
+  const CacheUse& use = run.figures.use;
+  EXPECT_EQ(use.inserts, 2u) << "one for each sample";
+  EXPECT_EQ(use.queries, use.inserts + use.hits + use.full);
+  EXPECT_GT(use.full, use.queries / 2);
+  std::size_t shared = 0;
+  for (std::size_t i = 0; i < own.pixels.size(); ++i) shared += run.image.pixels[i] != own.pixels[i];
+  EXPECT_LE(shared, use.inserts + use.hits);
+}
+
+TEST(RenderHashCells, LightMayBeOfAnyBrightness) {
+  const RayTracer usual(make_scene("cornell_box"));
+  const Image image = run_cells(usual, 24, {.seed = 6}, 1, 6.0f).image;
+  for (const int exponent : {-60, 60}) {
+    Scene s = make_scene("cornell_box");
+    for (Material& m : s.materials) m.emission *= std::ldexp(1.0f, exponent);
+    const RayTracer rays(std::move(s));
+    const Image scaled = run_cells(rays, 24, {.seed = 6}, 1, 6.0f).image;
+    for (std::size_t i = 0; i < image.pixels.size(); ++i)
+      ASSERT_EQ(scaled.pixels[i], image.pixels[i] * std::ldexp(1.0f, exponent)) << exponent;
+  }
+}
+
+TEST(RenderHashCells, ThreadsAgreeOnCellsAndLoseNothing) {
+  constexpr std::uint64_t kFingerprints = 96, kRounds = 200;
+  CellTable table(100);
+  ASSERT_EQ(table.size(), 128u);
+  std::vector<std::vector<std::uint32_t>> cells(8);
+  std::atomic<std::uint64_t> claimed{0};
+  {
+    std::vector<std::jthread> team;
+    for (std::uint64_t t = 0; t < cells.size(); ++t)
+      team.emplace_back([&, t] {
+        for (std::uint64_t i = 0; i < kFingerprints * kRounds; ++i) {
+          const std::uint64_t which = (i * 7 + t * 11) % kFingerprints;
+          const CellTable::Found found = table.find_or_claim(1000 * which + 1);
+          ASSERT_NE(found.cell, CellTable::kNone);
+          claimed += found.is_new;
+          table.add(found.cell, {static_cast<std::int64_t>(which), 1, -1, 1});
+          if (i < kFingerprints) cells[t].push_back(found.cell);
+        }
+      });
+  }
+  EXPECT_EQ(claimed, kFingerprints);
+  for (std::uint64_t which = 0; which < kFingerprints; ++which) {
+    const CellTable::Found found = table.find_or_claim(1000 * which + 1);
+    EXPECT_FALSE(found.is_new);
+    const CellSum sum = table.sum(found.cell);
+    EXPECT_EQ(sum.points, cells.size() * kRounds);
+    EXPECT_EQ(sum.r, static_cast<std::int64_t>(which * sum.points));
+    EXPECT_EQ(sum.g, -sum.b);
+  }
+  while (table.find_or_claim(claimed += 1'000'000).cell != CellTable::kNone) {
+  }
+  const std::uint32_t first = table.find_or_claim(1).cell;
+  EXPECT_EQ(table.find_or_claim(77).cell, CellTable::kNone) << "more cells than there are";
+  table.sweep(first);
+  EXPECT_TRUE(table.find_or_claim(77).is_new);
+  EXPECT_EQ(table.sum(first).points, 0u);
 }
 
 TEST(RenderIntegrators, NoPixelIsNegativeOrNotFinite) {

@@ -22,6 +22,7 @@ const std::vector<std::string>& command_line();
 void add_animate(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_list(CLI::App& app);
+void add_pareto(CLI::App& app);
 void add_render(CLI::App& app);
 void add_sweep(CLI::App& app);
 

@@ -47,6 +47,9 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_text("--interpolation", o.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");
+  add_positive(app, "--cell-size", o.cell_size, 1e4f,
+               "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
+  add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
   add_positive(app, "--exposure", o.exposure, 1e6f,
@@ -96,7 +99,9 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          interpolation.level,
                                                          tiles,
                                                          o.seed,
-                                                         {}});
+                                                         {},
+                                                         o.cell_size,
+                                                         o.paths});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
 }
 
@@ -114,6 +119,10 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["cache"] = options_.cache;
     j["accuracy"] = shortest_decimal(r.a);
     j["interpolation"] = options_.interpolation;
+  }
+  if (r.integrator.uses_cells) {
+    j["cell_size"] = shortest_decimal(r.cell_size);
+    j["paths"] = r.paths;
   }
   if (r.integrator.uses_vpls) {
     j["vpls"] = r.vpls;
@@ -140,6 +149,10 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["bytes_beside_cache"] = p.bytes_beside_cache;
     j["lock_wait_share"] =
         1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
+  }
+  if (integrator.uses_cells) {
+    j["cells"] = p.records;
+    j["full"] = p.use.full;
   }
   if (integrator.uses_vpls) {
     j["light_paths"] = p.light_paths;

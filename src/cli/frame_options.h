@@ -18,6 +18,8 @@ struct FrameOptions {
   unsigned threads = 0;
   std::uint32_t spp = 1, rays = 256, vpls = 256;
   std::uint32_t light_samples = 0;  ///< 0: as many as make 16 for a pixel
+  std::uint32_t paths = 1;
+  float cell_size = 8.0f;
   float accuracy = 0.2f, exposure = 1.0f;
   std::uint64_t seed = 1;
 };

@@ -180,6 +180,12 @@ void ResultsWriter::take(const Json& context_of_file, const std::vector<Json>& r
   }
 }
 
+std::vector<nlohmann::ordered_json> ResultsWriter::rows() const {
+  std::vector<Json> out;
+  for (const std::string& row : rows_) out.push_back(Json::parse(row));
+  return out;
+}
+
 void ResultsWriter::add(const Entry& entry) {
   const Json json = to_json(entry);
   const Key key{entry.name, entry.repetition_index};

@@ -76,6 +76,9 @@ class ResultsWriter {
     return completed_.contains({name, repetition_index});
   }
 
+  /// The entries, those of a resumed file included, as they stand in the file. Empty when writing in place.
+  std::vector<Json> rows() const;
+
   /// Makes the entry safe. Throws std::runtime_error if that fails, or if the entry is not usable: there
   /// already, without name, with a time that is no number, with a counter named like a field.
   void add(const Entry& entry);

@@ -29,6 +29,8 @@ struct PassSetup {
   float a = 0.2f;                   ///< accuracy of the cache
   Interpolation interpolation = Interpolation::split_sphere;
   std::uint64_t seed = 0;
+  float cell_size = 8.0f;   ///< of hash cells, pixels
+  std::uint32_t paths = 1;  ///< traced from each visible point, for integrators that say so
 };
 
 class IndirectPass {

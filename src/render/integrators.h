@@ -28,6 +28,9 @@ std::unique_ptr<IndirectPass> make_instant_gi(const PassSetup& setup);
 /// A part of the virtual point lights at every pixel, and a filter over pixels (Wald et al. 2002).
 std::unique_ptr<IndirectPass> make_instant_gi_interleaved(const PassSetup& setup);
 
+/// Paths at every pixel, whose light is shared by all points of a cell (Binder et al. 2019).
+std::unique_ptr<IndirectPass> make_hash_cells(const PassSetup& setup);
+
 /// Records by hemisphere gathers.
 std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& setup);
 
@@ -43,6 +46,7 @@ struct IntegratorEntry {
   MakePass pass;      ///< null if it needs a cache
   MakeSource source;  ///< null if it needs none
   bool uses_vpls;
+  bool uses_cells = false;
 
   bool needs_cache() const noexcept { return source != nullptr; }
 };
@@ -55,6 +59,8 @@ inline constexpr std::array kIntegrators{
     IntegratorEntry{"instant_gi_interleaved",
                     "virtual point lights shared out among neighbours, then filtered",
                     make_instant_gi_interleaved, nullptr, true},
+    IntegratorEntry{"hash_cells", "path-traced light, shared within the cells of a spatial hash",
+                    make_hash_cells, nullptr, false, true},
     IntegratorEntry{"irradiance_cache", "hemisphere gathers, interpolated through a cache", nullptr,
                     make_irradiance_cache, false},
     IntegratorEntry{"instant_caching", "records gathered from virtual point lights, anew in every frame",

@@ -32,6 +32,8 @@ struct FrameRequest {
   TileOrder tiles = TileOrder::morton;
   std::uint64_t seed = 0;
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
+  float cell_size = 8.0f;   ///< hash_cells: edge of a cell, pixels
+  std::uint32_t paths = 1;  ///< hash_cells: paths from each visible point
 };
 
 /// What a frame cost.
@@ -50,6 +52,8 @@ class FrameRenderer {
   /// Renders the scene's frame `frame`, which need not follow the last one. The picture is valid until the next call.
   FrameCost render(std::uint32_t frame);
   const Image& picture() const noexcept { return picture_; }
+  /// What the integrator's own pass brought to the frame's last sample.
+  const Image& indirect() const noexcept { return indirect_; }
 
  private:
   FrameRequest request_;

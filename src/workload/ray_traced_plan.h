@@ -19,6 +19,7 @@ struct Reference {
   Image indirect;
   double relmse =
       0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
+  double rmse = 0.0;  ///< likewise, W/(m^2 sr)
   std::uint32_t spp = 0;
 };
 

@@ -1,0 +1,164 @@
+"""The report's part on speed against error: what to use in how much time, the front in numbers, and pictures."""
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import style  # first: it checks what is installed
+
+import pandas as pd
+
+from inline import data_uri
+from pareto_results import Measured, Pictures, method_order, points, setting_words
+from tables import interval, note_line, table, text
+
+kTitle = "Speed against error, all methods"
+kLead = ("<p>Every method that makes indirect light, over its parameters, judged at identical primary hits against "
+         "path tracing. Times are those of the indirect light alone; direct light costs the same for all.</p>")
+kSteps = (1, 3)  # budgets in every decade
+kFront = ("relmse", "flip", "hdrvdp_p75")
+
+
+def budgets(part: pd.DataFrame) -> list[float]:
+    """Round times from the fastest setting to the slowest."""
+    low, high = part["seconds"].min(), part["seconds"].max()
+    made = [step * 10.0**d for d in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+            for step in kSteps]
+    return [b for b in made if low <= b <= 1.0001 * high] or [high]
+
+
+def best_within(part: pd.DataFrame, seconds: float, error: str = "relmse") -> pd.Series | None:
+    """The setting of least error that takes no longer; None if none is that fast."""
+    fast = part[(part["seconds"] <= seconds) & part[error].notna()]
+    return None if fast.empty else fast.loc[fast[error].idxmin()]
+
+
+def _named(line: pd.Series, value: str = "") -> str:
+    under = text(setting_words(line["setting"])) + (f", {value}" if value else "")
+    return f'{text(line["method"].replace("_", " "))}<span class="under">{under}</span>'
+
+
+def choices(part: pd.DataFrame) -> str:
+    """For every budget, what to use."""
+    others = [e for e in ("flip", "hdrvdp_p75") if e in part]
+    names = {"flip": "FLIP", "hdrvdp_p75": "HDR-VDP"}
+    head = ('<th>if you have</th><th>use, for the least relMSE</th><th class="n">relMSE</th>'
+            '<th class="n">path tracing in that time</th><th class="n">times less</th>'
+            + "".join(f"<th>for the least {names[e]}</th>" for e in others))
+    lines, path = [], part[part["method"] == "path"]
+    for budget in budgets(part):
+        best = best_within(part, budget)
+        rival = best_within(path, budget)
+        known = rival is not None
+        cells = [f"<td class=\"key\">{text(style.short_duration(budget))}</td>", f"<td>{_named(best)}</td>",
+                 f'<td class="n">{style.number(best["relmse"])}{"&nbsp;*" if best.get("below_reference") else ""}</td>',
+                 f'<td class="n">{style.number(rival["relmse"]) if known else "–"}</td>',
+                 f'<td class="n">{style.number(rival["relmse"] / best["relmse"]) if known else "–"}</td>']
+        for error in others:
+            least = best_within(part, budget, error)
+            unit = " %" if error.startswith("hdrvdp") else ""
+            cells.append(f'<td>{_named(least, style.number(least[error]) + unit)}</td>')
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return table(head, lines, "wide")
+
+
+def sentence(scene: str, part: pd.DataFrame) -> str:
+    """The middle budget in words."""
+    times = budgets(part)
+    budget = times[len(times) // 2]
+    best = best_within(part, budget)
+    said = (f"With {style.short_duration(budget)} for the indirect light of {scene.replace('_', ' ')}, use "
+            f"{best['method'].replace('_', ' ')} ({setting_words(best['setting'])}): relMSE "
+            f"{style.number(best['relmse'])}")
+    rival = best_within(part[part["method"] == "path"], budget)
+    if rival is not None and best["method"] != "path":
+        said += f", where path tracing has {style.number(rival['relmse'])} by then"
+    return f"<p><b>{text(said)}.</b></p>"
+
+
+def front_table(part: pd.DataFrame) -> str:
+    """All points that are on a front, by rising time."""
+    shown = [e for e in kFront if e in part]
+    mine = part[part[[f"front_{e}" for e in shown]].any(axis=1)].sort_values("seconds")
+    has = [n for n in ("bias", "deviation", "mean_ratio", "full_relmse") if n in part]
+    names = {"relmse": "relMSE", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, %", "bias": "bias",
+             "deviation": "deviation", "mean_ratio": "mean", "full_relmse": "relMSE of the whole picture"}
+    head = '<th>on a front</th><th class="n">seconds</th>' + "".join(
+        f'<th class="n">{names[n]}</th>' for n in (*shown, *has))
+    lines = []
+    for _, line in mine.iterrows():
+        seconds = interval(line["seconds"], line["seconds_low"], line["seconds_high"])
+        cells = [f"<td>{_named(line)}</td>", f'<td class="n">{seconds}</td>']
+        for error in shown:
+            value = interval(line[error], line[f"{error}_low"], line[f"{error}_high"])
+            star = "&nbsp;*" if error == "relmse" and line.get("below_reference") else ""
+            cells.append(f'<td class="n{" good" if line[f"front_{error}"] else ""}">{value}{star}</td>')
+        cells += [f'<td class="n">{style.number(line[n])}</td>' for n in has]
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return table(head, lines, "wide")
+
+
+def _legend(part: pd.DataFrame) -> str:
+    said = "Green: on the front of that error. "
+    if "reference_relmse" in part:
+        said += (f"The reference's own relMSE is {style.number(part['reference_relmse'].iloc[0])}; * marks what is no "
+                 "farther from the truth than that. ")
+    runs = int(part["bias_runs"].max()) if "bias_runs" in part and part["bias_runs"].notna().any() else 0
+    if runs:
+        said += (f"Bias is what {style.plural(runs, 'independent run')} have in common, deviation what sets them "
+                 "apart, both W/(m² sr), by bias² = MSE - variance less the reference's; 0 means not to be told "
+                 "from noise. ")
+    said += ("The mean is over the reference's mean. The whole picture has one sample through the centre of each "
+             "pixel, its reference samples all over it: edges count there, and for all methods alike")
+    return said
+
+
+def _picture(folder: Path, entry: dict) -> str:
+    name = str(entry.get("method", "")).replace("_", " ")
+    if "image" not in entry:
+        return f"<figure><figcaption><b>{text(name)}</b>: no setting is that fast</figcaption></figure>"
+    try:
+        image, error = (data_uri("image/png", (folder / entry[key]).read_bytes()) for key in ("image", "map"))
+    except (OSError, TypeError, KeyError):
+        return f"<figure><figcaption><b>{text(name)}</b>: the picture cannot be read</figcaption></figure>"
+    about = (f"{setting_words(str(entry['setting']))}; {style.duration(entry['seconds'])}, FLIP "
+             f"{style.number(entry['flip'])}")
+    return (f'<figure><img src="{image}" alt="{text(name)}"><img src="{error}" alt="error of {text(name)}">'
+            f"<figcaption><b>{text(name)}</b><br>{text(about)}</figcaption></figure>")
+
+
+def gallery(pictures: Pictures) -> str:
+    """For each budget all methods side by side, their error maps below."""
+    index, made = pictures.index, ""
+    for budget in index["budgets"]:
+        shown = "".join(_picture(pictures.folder, entry) for entry in budget["pictures"])
+        try:
+            truth = data_uri("image/png", (pictures.folder / index["reference"]).read_bytes())
+            shown = (f'<figure><img src="{truth}" alt="reference"><figcaption><b>reference</b></figcaption></figure>'
+                     + shown)
+        except (OSError, TypeError, KeyError):
+            pass
+        made += (f"<h4>In the time of path tracing with {int(budget['spp'])} samples: "
+                 f"{text(style.duration(budget['seconds']))}</h4>"
+                 f'<div class="pictures small">{shown}</div>')
+    return made
+
+
+def section(measured: Measured, anchor: str, figure: str) -> str:
+    """The page. `figure`: HTML of the figure."""
+    everything = points(measured)
+    made = f'<h2 id="{anchor}">{text(kTitle)}</h2>{kLead}'
+    if not measured.complete:
+        made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
+    made += "".join(sentence(scene, part) for scene, part in everything.groupby("scene")) + figure
+    for scene, part in everything.groupby("scene"):
+        made += f"<h3>{text(scene.replace('_', ' '))}</h3>{choices(part)}{front_table(part)}"
+        made += note_line(_legend(part))
+        for pictures in measured.pictures:
+            if pictures.index.get("scene") == scene:
+                made += gallery(pictures)
+                made += note_line("of each method the setting of least relMSE that is no slower; all pictures have "
+                                  "the reference's direct light. Below each is its error as FLIP, where black is "
+                                  "none")
+    names = ", ".join(path.name for path in measured.paths)
+    return made + f'<p class="note">From <code>{text(names)}</code>, measured on {text(measured.label)}.</p>'

@@ -1,0 +1,168 @@
+"""Files of icbench pareto: loading, medians of every setting, and the front.
+
+Files of one machine and one build are one Measured, with a scene or more; others are kept apart.
+"""
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import style  # first: it checks what is installed
+
+import numpy as np
+import pandas as pd
+
+from results import InputError, kIdentityKeys, summarise
+
+kFiles = "results of icbench pareto, a scene each"
+# Errors that the front is drawn for: field, name, what a value is of.
+kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, % of pixels",
+           "hdrvdp_p95": "HDR-VDP, % of pixels at 95 %", "full_relmse": "relMSE of the whole picture"}
+kOthers = ("mean_ratio", "full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
+kOfLast = ("bias", "deviation", "bias_runs")  # of all runs together: the last one tells
+kReference = ("reference_spp", "reference_rmse", "reference_relmse", "full_reference_relmse", "width", "height")
+kNeeded = ("scene", "method", "seconds_indirect", "relmse")
+kKeys = ["scene", "method", "setting"]
+
+
+@dataclass
+class Pictures:
+    """What --images wrote: images.json, and the folder that it is in."""
+    folder: Path
+    index: dict
+
+
+@dataclass
+class Measured:
+    """One machine and build."""
+    label: str
+    slug: str
+    contexts: list[dict] = field(default_factory=list)
+    paths: list[Path] = field(default_factory=list)
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
+    pictures: list[Pictures] = field(default_factory=list)
+
+    @property
+    def complete(self) -> bool:
+        return all(c.get("complete", True) for c in self.contexts)
+
+
+def setting_of(name: str) -> str:
+    """"accuracy:0.2/rays_per_record:64" of "pareto/SCENE/METHOD/accuracy:0.2/rays_per_record:64"."""
+    return "/".join(part for part in name.split("/")[3:])
+
+
+def setting_words(setting: str) -> str:
+    """A setting for people: "a = 0.2, 64 rays a record"."""
+    forms = {"accuracy": "a = {}", "rays_per_record": "{} rays a record", "spp": "{} spp", "vpls": "{} VPLs",
+             "cell_size": "cells of {} px"}
+    words = []
+    for part in setting.split("/"):
+        key, _, value = part.partition(":")
+        value = f"{int(value):,}" if value.isdigit() else value
+        words.append(forms.get(key, key.replace("_", " ") + " {}").format(value))
+    return ", ".join(words)
+
+
+def on_front(seconds, error) -> np.ndarray:
+    """Marks each point unless another is both faster and better."""
+    seconds, error = np.asarray(seconds, float), np.asarray(error, float)
+    marks = np.zeros(len(seconds), bool)
+    least = np.inf  # error of what is faster
+    for now in np.unique(seconds):
+        same = np.flatnonzero(seconds == now)
+        marks[same] = error[same] <= least
+        least = min([least, *error[same][~np.isnan(error[same])]])
+    return marks
+
+
+def points(measured: Measured) -> pd.DataFrame:
+    """One line per setting: medians with intervals, bias and deviation of its runs, and its fronts, `front_ERROR`.
+    """
+    rows = measured.rows
+    table = summarise(rows, kKeys, "seconds_indirect").drop(columns="spread").rename(
+        columns={"median": "seconds", "low": "seconds_low", "high": "seconds_high"})
+    for name in [e for e in kErrors if e in rows]:
+        part = summarise(rows, kKeys, name).drop(columns=["spread", "n"]).rename(
+            columns={"median": name, "low": f"{name}_low", "high": f"{name}_high"})
+        table = table.merge(part, on=kKeys, how="left")
+    last = rows.sort_values("repetition_index").groupby(kKeys, sort=False)
+    for name in [n for n in (*kOthers, *kReference) if n in rows]:
+        column = "frame_seconds" if name == "seconds" else name
+        table = table.merge(last[name].median().rename(column), on=kKeys, how="left")
+    for name in [n for n in kOfLast if n in rows]:
+        table = table.merge(last[name].last().rename(name), on=kKeys, how="left")
+    for name in [e for e in kErrors if e in table]:
+        for _, part in table.groupby("scene"):
+            table.loc[part.index, f"front_{name}"] = on_front(part["seconds"], part[name])
+        table[f"front_{name}"] = table[f"front_{name}"].astype(bool)
+    if "reference_relmse" in table:
+        table["below_reference"] = table["relmse"] < 2 * table["reference_relmse"]
+    return table
+
+
+def _read(path: Path) -> tuple[dict, pd.DataFrame]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; make one with `icbench pareto --out FILE`") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path}: not JSON; {kFiles} are expected") from None
+    entries = data.get("benchmarks") if isinstance(data, dict) else None
+    if not isinstance(entries, list) or not isinstance(data.get("context"), dict):
+        raise InputError(f"{path}: no \"context\" and \"benchmarks\"; {kFiles} are expected")
+    rows = pd.DataFrame.from_records([e for e in entries if isinstance(e, dict)])
+    if rows.empty:
+        raise InputError(f"{path}: no rows; run icbench pareto again with --resume")
+    missing = [n for n in ("name", "repetition_index", *kNeeded) if n not in rows]
+    if missing:
+        raise InputError(f"{path}: its rows have no \"{missing[0]}\"; {kFiles} are expected")
+    rows["setting"] = rows["name"].astype(str).map(setting_of)
+    for name in {*kErrors, *kOthers, *kOfLast, *kReference, "seconds_indirect", "repetition_index"} & set(rows):
+        rows[name] = pd.to_numeric(rows[name], errors="coerce")
+    rows = rows[(rows["seconds_indirect"] > 0) & rows["relmse"].notna()]
+    if rows.empty:
+        raise InputError(f"{path}: no row has both a time and an error")
+    return data["context"], rows
+
+
+def _pictures(path: Path, context: dict) -> Pictures | None:
+    """None where there are none, or no longer."""
+    if not isinstance(context.get("images"), str):
+        return None
+    folder = path.parent / context["images"]
+    try:
+        index = json.loads((folder / "images.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(index, dict) or not isinstance(index.get("budgets"), list):
+        return None
+    return Pictures(folder, index)
+
+
+def load(paths) -> list[Measured]:
+    """Raises InputError for a file that is none of icbench pareto."""
+    groups: dict[tuple, Measured] = {}
+    for path in dict.fromkeys(Path(p).resolve() for p in paths):
+        context, rows = _read(path)
+        key = tuple(json.dumps(context.get(k), sort_keys=True) for k in kIdentityKeys)
+        number = len(groups) + 1
+        label = str(context.get("host_name") or context.get("cpu_model") or "unknown machine")
+        one = groups.setdefault(key, Measured(label, "pareto" if number == 1 else f"pareto-{number}"))
+        one.contexts.append(context)
+        one.paths.append(path)
+        one.rows = pd.concat([one.rows, rows], ignore_index=True)
+        if found := _pictures(path, context):
+            one.pictures.append(found)
+    for one in groups.values():
+        again = one.rows.duplicated(["name", "repetition_index", "real_time", "seed"] if {"real_time", "seed"}
+                                    <= set(one.rows) else ["name", "repetition_index"])
+        one.rows = one.rows[~again].reset_index(drop=True)
+    return list(groups.values())
+
+
+def method_order(names) -> list[str]:
+    return style.cache_order(names)
