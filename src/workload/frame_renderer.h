@@ -32,8 +32,8 @@ struct FrameRequest {
   TileOrder tiles = TileOrder::morton;
   std::uint64_t seed = 0;
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
-  float cell_size = 8.0f;   ///< hash_cells: edge of a cell, pixels
-  std::uint32_t paths = 1;  ///< hash_cells: paths from each visible point
+  float cell_size = 8.0f;                                ///< hash_cells: edge of a cell, pixels
+  std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
 };
 
 /// What a frame cost.
