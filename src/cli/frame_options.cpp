@@ -63,8 +63,8 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
   const CacheEntry& cache = find_cache(o.cache);
   const InterpolationEntry& interpolation = find_interpolation(o.interpolation);
   if (integrator.uses_vpls && integrator.needs_cache() && !is_for_vpls(interpolation.level)) {
-    throw std::runtime_error(fmt::format("--interpolation {}: {} knows split_sphere and gradients", o.interpolation,
-                                         o.integrator));
+    throw std::runtime_error(fmt::format("--interpolation {}: {} knows split_sphere and gradients",
+                                         o.interpolation, o.integrator));
   }
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
