@@ -57,7 +57,9 @@ kCacheStyles = {
     "wait_free_snapshot": CacheStyle(kSky, "s", kSolid),
     "tbb_hash_grid": CacheStyle(kGreen, "s", kDashed),
     "append_log": CacheStyle(kSky, "D", kDashed),
-    # Methods of icbench pareto.
+}
+# Methods of icbench pareto; path is among the caches above, beside which sweeps draw it.
+kMethodStyles = {
     "instant_gi": CacheStyle(kVermilion, "s", kSolid),
     "instant_gi_interleaved": CacheStyle(kOrange, "D", kSolid),
     "irradiance_cache": CacheStyle(kPurple, "X", kSolid),
@@ -79,9 +81,10 @@ kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": 
 
 
 def cache_style(name: str) -> CacheStyle:
-    """The look of a cache; an unknown name gets one that depends on the name alone."""
-    if name in kCacheStyles:
-        return kCacheStyles[name]
+    """The look of a cache or method; an unknown name gets one that depends on the name alone."""
+    for styles in (kCacheStyles, kMethodStyles):
+        if name in styles:
+            return styles[name]
     stem = name.removeprefix("packed_")
     if stem != name and stem in kCacheStyles:
         known = kCacheStyles[stem]
@@ -98,8 +101,8 @@ def short_name(name: str) -> str:
 
 
 def cache_order(names) -> list[str]:
-    """Caches in the order of kCacheStyles, unknown ones behind; a legend is the same everywhere."""
-    known = list(kCacheStyles)
+    """Caches and methods in the order of their styles, unknown ones behind; a legend is the same everywhere."""
+    known = [*kCacheStyles, *kMethodStyles]
 
     def key(name):
         stem = name.removeprefix("packed_")

@@ -75,8 +75,9 @@ class Statistics(unittest.TestCase):
 class Styles(unittest.TestCase):
     def test_every_known_cache_looks_different(self):
         names = [*style.kCacheStyles, *(f"packed_{name}" for name in style.kCacheStyles)]
-        looks = {(s.colour, s.marker, s.hollow) for s in map(style.cache_style, names)}
-        self.assertEqual(len(looks), len(names))
+        for drawn_together in (names, ["path", *style.kMethodStyles]):
+            looks = {(s.colour, s.marker, s.hollow) for s in map(style.cache_style, drawn_together)}
+            self.assertEqual(len(looks), len(drawn_together))
 
     def test_an_unknown_cache_looks_the_same_in_every_process(self):
         code = (f"import sys; sys.path.insert(0, {str(kPlots)!r}); import style; "
