@@ -60,7 +60,9 @@ Measured measure(const Row& row, const Machine& machine, double seconds) {
       if (verdict != Verdict::undecided) break;
     }
     const bool time_up = std::chrono::duration<double>(Clock::now() - start).count() > seconds;
-    if (out.ratios.empty() ? skipped >= kHopeless || time_up : time_up) break;
+    // Fewer than kMinimum samples say nothing: they are waited for, unless the machine does not yield them.
+    const bool enough = out.ratios.size() >= kMinimum || skipped > 0;
+    if (time_up ? enough : out.ratios.empty() && skipped >= kHopeless) break;
   }
   if (verdict == Verdict::undecided && out.ratios.size() >= kMinimum) {
     out.interval = bootstrap_median(out.ratios, machine.seed);

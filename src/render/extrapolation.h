@@ -21,9 +21,9 @@
 //
 // Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
 // lambda a record is valid to the distance r = a (kHessianScale D^2 E / |lambda|)^(1/4), where D is the scene's
-// diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012, eq. 9). Limits: the smaller
-// axis is at least half the larger; r <= a E / |gradient|; between kLeastReach and 64 times that, and at most a fifth, of
-// the diagonal. The normal may turn as far as the split-sphere error allows.
+// diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012). Limits: the smaller axis is
+// at least half the larger; r <= a E / |gradient|; r is at least a hundredth of a D and at most a fifth of D. The normal
+// may turn as far as the split-sphere error allows.
 #pragma once
 
 #include <algorithm>
