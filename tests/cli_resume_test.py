@@ -158,7 +158,10 @@ class Interrupted(Case):
         """Complete rows of the journal, as text."""
         journal = self.folder / "r.json.partial"
         # Without the header and a row that was not finished.
-        return journal.read_text().split("\n")[1:-1] if journal.exists() else []
+        try:
+            return journal.read_text().split("\n")[1:-1]
+        except FileNotFoundError:  # not begun, or finished just now
+            return []
 
     def safe_rows(self):
         """What the file and its journal hold, by name and repetition."""
