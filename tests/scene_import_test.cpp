@@ -293,7 +293,7 @@ TEST(ImportGltf, EmissiveTexturesCountByTheirMean) {
 
 GltfFile cube_and_light(const json& light, const json& node) {
   GltfFile f = grey_cube();
-  f.doc["extensions"]["KHR_lights_punctual"]["lights"] = {light};
+  f.doc["extensions"]["KHR_lights_punctual"]["lights"] = json::array({light});
   json lit = node;
   lit["extensions"] = {{"KHR_lights_punctual", {{"light", 0}}}};
   f.node(lit);
