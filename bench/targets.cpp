@@ -162,7 +162,9 @@ int main(int argc, char** argv) {
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
   app.add_option("--json", o.json, "Also write the rows to this file");
   app.add_option("--rows", o.rows, "Only these rows, separated by commas");
-  app.add_option("--seconds", o.seconds, "Time for a row that stays undecided")
+  app.add_option("--seconds", o.seconds,
+                 "Time for a row that stays undecided; one that has fewer than\n11 samples by then goes on "
+                 "until it has")
       ->check(CLI::Range(1.0, 1e5))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();

@@ -6,7 +6,6 @@ such file.
 """
 from __future__ import annotations
 
-import json
 import re
 import sys
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ import style  # first: it checks what is installed
 import pandas as pd
 
 from figure import OneLineParser
-from results import InputError
+from results import InputError, read_json
 
 kHeld, kBroken, kViolated, kUnseen = "held", "BROKEN", "violated", "not seen"
 kNumber, kMaybeNumber, kBound = (int, float), (int, float, type(None)), (int, float, str, type(None))
@@ -199,14 +198,7 @@ def _check(path: Path, section: str, index: int, entry) -> None:
 
 def read(path: Path) -> Correctness:
     """One file. Raises InputError, one line, if it is none of icstress."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; make one with `icstress --json FILE`") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{path}: not JSON; a file of `icstress --json` is expected") from None
+    data = read_json(path, "icstress --json FILE", "a file of `icstress --json`")
     sections = {}
     for section in kSections:
         entries = data.get(section) if isinstance(data, dict) else None

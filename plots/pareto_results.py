@@ -13,7 +13,7 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
-from results import InputError, kIdentityKeys, summarise
+from results import InputError, kIdentityKeys, read_json, summarise
 
 kFiles = "results of icbench pareto, a scene each"
 # Errors that the front is drawn for: field, name, what a value is of.
@@ -70,8 +70,8 @@ def on_front(seconds, error) -> np.ndarray:
     seconds, error = np.asarray(seconds, float), np.asarray(error, float)
     marks = np.zeros(len(seconds), bool)
     least = np.inf  # error of what is faster
-    for now in np.unique(seconds):
-        same = np.flatnonzero(seconds == now)
+    for budget in np.unique(seconds):
+        same = np.flatnonzero(seconds == budget)
         marks[same] = error[same] <= least
         least = min([least, *error[same][~np.isnan(error[same])]])
     return marks
@@ -103,14 +103,7 @@ def points(measured: Measured) -> pd.DataFrame:
 
 
 def _read(path: Path) -> tuple[dict, pd.DataFrame]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; make one with `icbench pareto --out FILE`") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (ValueError, RecursionError):
-        raise InputError(f"{path}: not JSON; {kFiles} are expected") from None
+    data = read_json(path, "icbench pareto --out FILE", "a file of `icbench pareto`")
     entries = data.get("benchmarks") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not isinstance(data.get("context"), dict):
         raise InputError(f"{path}: no \"context\" and \"benchmarks\"; {kFiles} are expected")

@@ -153,20 +153,27 @@ def workload_order(rows: pd.DataFrame) -> list[str]:
     return [pair.workload for pair in sorted(pairs, key=key)]
 
 
-def _read(path: Path) -> tuple[dict, list]:
+def read_json(path: Path, made_by: str, expected: str):
+    """What a JSON file holds. Raises InputError, one line: `made_by` is the command that makes such a file, `expected`
+    what such files are called.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; make one with `icbench sweep --out FILE`") from None
+        raise InputError(f"{path}: no such file; make one with `{made_by}`") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file; a results file of icbench is JSON") from None
+        raise InputError(f"{path}: not a text file; {expected} is JSON") from None
     try:
-        data = json.loads(text)
+        return json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         where = f"line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "nested too deep"
-        raise InputError(f"{path}: not JSON ({where}); a results file of icbench is expected") from None
+        raise InputError(f"{path}: not JSON ({where}); {expected} is expected") from None
+
+
+def _read(path: Path) -> tuple[dict, list]:
+    data = read_json(path, "icbench sweep --out FILE", "a results file of icbench")
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
         raise InputError(f"{path}: no \"benchmarks\" list; a results file in Google Benchmark's format is "
                          "expected")

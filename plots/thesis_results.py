@@ -1,7 +1,6 @@
 """tables.json of bench/tables: loading, and what its figures and tables share."""
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import style  # first: it checks what is installed
 
 from matplotlib.lines import Line2D
 
-from results import InputError
+from results import InputError, read_json
 
 kSchema = 1
 kFiles = "tables.json of bench/tables"
@@ -46,12 +45,7 @@ def load(paths) -> list[Measured]:
     """Raises InputError for a file that is none of bench/tables."""
     made = []
     for path in map(Path, paths):
-        try:
-            data = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}; {kFiles} is expected") from None
-        except (ValueError, RecursionError):
-            raise InputError(f"{path}: not JSON; {kFiles} is expected") from None
+        data = read_json(path, "bench/tables", kFiles)
         if not isinstance(data, dict) or not isinstance(data.get("scenes"), dict) or "claims" not in data:
             raise InputError(f"{path}: no \"scenes\" and \"claims\"; {kFiles} is expected")
         if data.get("schema") != kSchema:

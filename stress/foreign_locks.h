@@ -1,5 +1,5 @@
-// Locks of libraries, whose steps no test can schedule or count: how their policies (caches/locks.h) are told, and given
-// another mutex that stands for them.
+// Locks of libraries, whose steps no test can schedule or count: how their policies (caches/locks.h) are told, and
+// given another mutex that stands for them.
 #pragma once
 
 #include <concepts>

@@ -6,8 +6,8 @@
 
 namespace icbench::stress {
 
-/// `Base`'s interface (std::atomic's, core/sync.h). Hook::step() comes before each operation; Hook::wrote(), if there is
-/// one, after each that has stored.
+/// `Base`'s interface (std::atomic's, core/sync.h). Hook::step() comes before each operation; Hook::wrote(), if there
+/// is one, after each that has stored.
 template <class T, class Base, class Hook>
 class HookedAtomic {
  public:

@@ -1,5 +1,5 @@
-// The `icstress` program: runs caches under stress and under every schedule of small programs, judges what was seen, and
-// proves by controls that it was strong enough to see anything.
+// The `icstress` program: runs caches under stress and under every schedule of small programs, judges what was seen,
+// and proves by controls that it was strong enough to see anything.
 #include <fmt/format.h>
 #include <unistd.h>
 

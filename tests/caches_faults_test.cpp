@@ -77,8 +77,8 @@ AnyCache::Maker faulty() {
 
 const SurfacePoint kCrowded{{0.25f, 0.5f, 0.0f}, {0, 0, 1}};
 
-/// Most at one place, so that their list gets segments of every kind up to blocks of its directory; the others far apart
-/// and at all depths, each on a path of its own. Both take turns.
+/// Most at one place, so that their list gets segments of every kind up to blocks of its directory; the others far
+/// apart and at all depths, each on a path of its own. Both take turns.
 std::vector<Record> records_of_all_allocations() {
   constexpr std::uint32_t kRecords = 800;
   std::vector<Record> records;

@@ -98,14 +98,15 @@ unsigned inserts_helped() {
 }
 
 TEST(SnapshotInterleavings, AQueryStampsAPendingRecordForLaterOnes) {
-  // Before the insert draws its tick, and before it stamps: the query helps, does not see the record, the next one does.
+  // Before the insert draws its tick, and before it stamps: the query helps, does not see the record, the next one
+  // does.
   EXPECT_EQ(inserts_helped<Stamped>(), 2u);
   // Where one store publishes, nothing can happen to a record between two steps of its insert.
   EXPECT_EQ(inserts_helped<Flagged>(), 0u);
 }
 
-/// Stops an insert before each of its steps; what eight places then see of its record, one after the other, twice. All of
-/// them are in cells of their own. Returns in how many places what was seen changed while the insert stood still.
+/// Stops an insert before each of its steps; what eight places then see of its record, one after the other, twice. All
+/// of them are in cells of their own. Returns in how many places what was seen changed while the insert stood still.
 template <class Cache>
 unsigned copies_that_appear_late() {
   const SurfacePoint centre{glm::vec3(0.5f), {0, 0, 1}};

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <ostream>
 #include <vector>
 
 #include "core/interpolation.h"
@@ -14,6 +15,9 @@
 #include "scene/registry.h"
 
 namespace icbench {
+
+static void PrintTo(const InterpolationEntry& entry, std::ostream* out) { *out << entry.name; }
+
 namespace {
 
 // A list of records, for one thread.
@@ -175,6 +179,26 @@ TEST(RenderCached, ItsMeanComesNearTheReferenceAtTheSameHits) {
   }
   for (int c = 0; c < 3; ++c)
     EXPECT_NEAR(cached[c] / exact[c], 1.0, 0.03);  // interpolation is biased, by little
+}
+
+// Where neighbours are looked for, a cache answers farther out than records are valid.
+TEST(RenderExtrapolation, ARecordWithoutDetailsCountsNoFartherThanItsAccuracy) {
+  for (const Interpolation level : {Interpolation::neighbour_clamping, Interpolation::occlusion_hessian}) {
+    constexpr float kA = 0.2f;
+    const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+    const RecordShapes shapes{
+        RecordShaper(level, kA, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
+        RecordDetails(1, 1)};
+    const Record r{glm::vec3(0.0f), {0, 0, 1}, 1.0f, glm::vec3(3.0f), RecordDetails::kNone};
+    for (const float distance : {0.0f, 0.19f, 0.21f, 0.39f}) {
+      Extrapolator sum(shapes, {{distance, 0, 0}, r.n});
+      sum(r, 1.0f / std::max(distance, kMinError));
+      ASSERT_EQ(sum.result().has_value(), distance < kA) << distance;
+      if (sum.result()) {
+        EXPECT_FLOAT_EQ(sum.result()->x, 3.0f);  // 3 w / w
+      }
+    }
+  }
 }
 
 // At each level of interpolation, by two threads through the simplest cache of all.

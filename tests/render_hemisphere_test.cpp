@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/random.h"
+#include "lambert.h"
 #include "render/hemisphere.h"
 
 namespace icbench {
@@ -16,10 +17,9 @@ namespace {
 
 using Vec = glm::dvec3;
 
-// A lit rectangle in the plane z = height, radiance 1; the rest of that plane is black, or radiance `around`.
+// A lit rectangle in the plane z = height, radiance 1; the rest of that plane is black.
 struct Rectangle {
   double x0, x1, y0, y1, height;
-  float around = 0.0f;
 
   bool holds(double x, double y) const { return x >= x0 && x <= x1 && y >= y0 && y <= y1; }
 };
@@ -29,20 +29,6 @@ struct Screen {
   double edge = -std::numeric_limits<double>::infinity(), height = 1.0;
 };
 
-// Irradiance at p with normal n from a polygon of radiance 1 wholly above the horizon (Lambert 1760):
-// E = 1/2 sum over edges of angle times n . unit(a x b).
-template <std::size_t N>
-double lambert(const Vec (&corners)[N], const Vec& p, const Vec& n) {
-  double E = 0.0;
-  for (std::size_t i = 0; i < N; ++i) {
-    const Vec a = corners[i] - p, b = corners[(i + 1) % N] - p;
-    const Vec c = glm::cross(a, b);
-    const double length = glm::length(c);
-    if (length > 0.0) E += 0.5 * std::atan2(length, glm::dot(a, b)) * glm::dot(n, c) / length;
-  }
-  return E;
-}
-
 // Of what the screen leaves of the rectangle: the screen's shadow on the rectangle's plane has a straight edge.
 double irradiance(const Rectangle& r, const Screen& s, const Vec& p, const Vec& n = {0, 0, 1}) {
   double x0 = r.x0;
@@ -50,9 +36,9 @@ double irradiance(const Rectangle& r, const Screen& s, const Vec& p, const Vec& 
     const double shadow = p.x + (s.edge - p.x) * (r.height - p.z) / (s.height - p.z);
     x0 = std::clamp(shadow, r.x0, r.x1);
   }
-  const Vec corners[] = {
-      {x0, r.y0, r.height}, {r.x1, r.y0, r.height}, {r.x1, r.y1, r.height}, {x0, r.y1, r.height}};
-  return lambert(corners, p, n);
+  return lambert(p, n,
+                 {{x0, r.y0, r.height}, {r.x1, r.y0, r.height}, {r.x1, r.y1, r.height}, {x0, r.y1, r.height}},
+                 1.0);
 }
 
 Hemisphere seen_from_origin(const Rectangle& r, const Screen& screen, Strata strata) {
@@ -128,13 +114,13 @@ TEST(RenderHemisphere, OcclusionHessian) {
   }
 }
 
-// What geometry alone allows bounds what this light does.
-TEST(RenderHemisphere, TheGeometricHessianIsNoSmallerThanThatOfAnOpenScene) {
+// Geometry alone cannot know that a plane of one brightness looks the same from everywhere.
+TEST(RenderHemisphere, APlaneOfOneBrightnessBendsNothingButByGeometryAlone) {
   Rectangle all_lit{-1e6, 1e6, -1e6, 1e6, 1.5};
   const Eigen2 worst = magnitudes_of(geometric_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));
   const Eigen2 real = magnitudes_of(occlusion_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));
   EXPECT_GT(worst.small, 0.0f);
-  EXPECT_EQ(real.large, 0.0f) << "a plane of one brightness looks the same from everywhere";
+  EXPECT_EQ(real.large, 0.0f);
   // Twice as far, a quarter as bent.
   all_lit.height = 3.0;
   const Eigen2 farther = magnitudes_of(geometric_hessian(seen_from_origin(all_lit, {}, {16, 50}), 1e-4f));

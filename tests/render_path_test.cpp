@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "lambert.h"
 #include "render/gather.h"
 #include "render/hash_cells.h"
 #include "render/integrators.h"
@@ -57,21 +58,9 @@ TEST(RenderPath, IrradianceInTheFurnaceSplitsIntoDirectAndIndirect) {
     }
 }
 
-// Irradiance of a point from a uniform polygon of radiance L (Lambert 1760): L/2 sum angle_i (cross_i . n).
-double lambert(const glm::dvec3& p, const glm::dvec3& n, const std::vector<glm::dvec3>& polygon, double L) {
-  double E = 0.0;
-  for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const glm::dvec3 a = glm::normalize(polygon[i] - p),
-                     b = glm::normalize(polygon[(i + 1) % polygon.size()] - p);
-    E += std::acos(glm::dot(a, b)) * glm::dot(glm::normalize(glm::cross(a, b)), n);
-  }
-  return 0.5 * L * std::abs(E);
-}
-
 TEST(RenderPath, DirectLightOfASquareIsLamberts) {
   const RayTracer rays(make_scene("lit_floor"));
   Tracer tracer(rays);
-  const std::vector<glm::dvec3> square = {{-0.5, 1, -0.5}, {0.5, 1, -0.5}, {0.5, 1, 0.5}, {-0.5, 1, 0.5}};
   for (const glm::vec3 at : {glm::vec3(0.0f), glm::vec3(0.5f, 0.0f, 0.5f), glm::vec3(3.0f, 0.0f, -1.0f)}) {
     const Hit x =
         tracer.intersect(Ray{at + glm::vec3(0, 0.5f, 0), std::numeric_limits<float>::infinity(), {0, -1, 0}});
@@ -81,7 +70,7 @@ TEST(RenderPath, DirectLightOfASquareIsLamberts) {
       direct.add(sample_irradiance(tracer, x, Light::direct, random).x);
       indirect.add(sample_irradiance(tracer, x, Light::indirect, random).x);
     }
-    const double E = lambert(at, {0, 1, 0}, square, 10.0);
+    const double E = lambert(at, {0, 1, 0}, rectangle(-0.5, 0.5, 1, -0.5, 0.5), 10.0);
     EXPECT_NEAR(direct.mean(), E, 4.0 * direct.error());
     EXPECT_LT(direct.error(), 0.005 * E);
     EXPECT_EQ(indirect.mean(), 0.0) << "the light reflects nothing";

@@ -381,8 +381,8 @@ bool inside(const Facet& f, const dvec3& p) {
          glm::dot(glm::cross(f.a - f.c, p - f.c), f.n) > kMargin;
 }
 
-// Two triangles in one plane, with one front, that overlap in the open would flicker. What is hidden inside a solid does
-// no harm: a ray from there sees the back of something first.
+// Two triangles in one plane, with one front, that overlap in the open would flicker. What is hidden inside a solid
+// does no harm: a ray from there sees the back of something first.
 TEST(SceneRooms, NoTwoTrianglesOverlapInOnePlaneInTheOpen) {
   for (const char* name : kRooms) {
     RayTracer rays(make_scene(name));

@@ -1,12 +1,16 @@
 // Every broken cache is seen failing, by the check that its fault violates.
 #include <gtest/gtest.h>
 
+#include <ostream>
 #include <string>
 #include <vector>
 
 #include "stress/controls.h"
 
 namespace icbench::stress {
+
+static void PrintTo(const Control& control, std::ostream* out) { *out << control.name; }
+
 namespace {
 
 /// Those that histories can show on this processor.

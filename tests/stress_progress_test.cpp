@@ -1,5 +1,5 @@
-// The check of progress: steps are counted as they are taken, stopped fibers block exactly those who wait for them, every
-// cache of the registry holds what it declares, and every control is seen through.
+// The check of progress: steps are counted as they are taken, stopped fibers block exactly those who wait for them,
+// every cache of the registry holds what it declares, and every control is seen through.
 #include <gtest/gtest.h>
 
 #include <algorithm>

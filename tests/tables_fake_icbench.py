@@ -115,7 +115,7 @@ def main():
         print("icbench 9.9, commit fake, no compiler, release build")
         return
     if sys.argv[1:] == ["list", "scenes", "--json"]:
-        print(json.dumps([{"name": n, "analytic": False, "description": f"a made-up {n}"} for n in SCENES]))
+        print(json.dumps([{"name": n, "analytic": False, "accuracy": 0.1, "description": f"a made-up {n}"} for n in SCENES]))
         return
     fail = os.environ.get("FAKE_FAIL")
     if fail and fail in " ".join(sys.argv):

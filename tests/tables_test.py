@@ -317,7 +317,7 @@ class WholeRun(Case):
 class Interrupted(Case):
     """Killed at any moment, a run loses the job that was under way."""
     def plan(self):
-        return Planner(options.parse([*SMALL, "--out", str(self.out)])).start("office", False)
+        return Planner(options.parse([*SMALL, "--out", str(self.out)]), {}).start("office", False)
 
     def store(self):
         made = jobs.Store(FAKE, self.out / "jobs", self.out / "references", "a build")

@@ -122,8 +122,7 @@ class Film {
     VplSet anew = vpls;
     if (trace_all(anew, tracer).any()) return "virtual lights";
     const Bounds& bounds = rays.scene().bounds;
-    const RadiusLimits limits = radius_limits(bounds);
-    const RadiusRays radius(bounds, limits);
+    const RadiusRays radius(bounds, radius_limits(bounds));
     RecordShapes* shapes = witness->shapes();
     std::vector<std::uint64_t> bits(vpls.vpls().words());
     const float clamp = vpl_clamp(bounds);
@@ -145,7 +144,7 @@ class Film {
         trace_visibility(tracer, point, vpls.vpls(), bits, packing);
         RecordDetail detail;
         const IrradianceGradients gradients = gradients_from(bits, point, vpls.vpls(), clamp);
-        expected.R = RecordShaper::shape_of_vpls(limits, expected.R, E, gradients, detail);
+        expected.R = shapes->shaper.shape_of_vpls(expected.R, E, gradients, detail);
         const IrradianceGradients& kept = shapes->details[r.id].gradients;
         if (std::memcmp(&kept, &detail.gradients, sizeof kept) != 0) first = "gradients";
         sloped += detail.gradients.translational[1] != glm::vec3(0.0f) ? 1 : 0;

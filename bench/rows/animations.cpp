@@ -1,5 +1,6 @@
 #include "rows/animations.h"
 
+#include "core/names.h"
 #include "image/metrics/hdrvdp.h"
 #include "scene/registry.h"
 #include "workload/frame_renderer.h"
@@ -21,7 +22,7 @@ class Studio {
                    .width = kAnimationWidth,
                    .height = kAnimationHeight,
                    .vpls = setting.vpls,
-                   .a = setting.accuracy,
+                   .a = accuracy_of(setting),
                    .interpolation = interpolation,
                    .seed = seed}) {}
 
@@ -94,6 +95,8 @@ class TemporalMemory : public Experiment {
 };
 
 }  // namespace
+
+float accuracy_of(const Setting& setting) { return find_named("scene", setting.scene, kScenes).accuracy; }
 
 std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_view integrator,
                                           const Animation& animation) {

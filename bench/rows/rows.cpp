@@ -80,13 +80,14 @@ void add_animations(std::vector<Row>& rows) {
   for (const Animation& animation : kAnimations) {
     const auto add = [&](std::string_view integrator, std::string_view in_name, std::string_view in_words,
                          double target) {
-      rows.push_back(
-          {fmt::format("{}_over_tic_{}", in_name, animation.setting.scene),
-           fmt::format("indirect time of a frame of {}, {} virtual lights: {} / temporal instant caching",
-                       animation.setting.scene, animation.setting.vpls, in_words),
-           Relation::at_least, target, [&animation, integrator](const Machine& machine) {
-             return over_temporal(machine, integrator, animation);
-           }});
+      rows.push_back({fmt::format("{}_over_tic_{}", in_name, animation.setting.scene),
+                      fmt::format("indirect time of a frame of {}, {} virtual lights, accuracy {}: {} / "
+                                  "temporal instant caching",
+                                  animation.setting.scene, animation.setting.vpls,
+                                  accuracy_of(animation.setting), in_words),
+                      Relation::at_least, target, [&animation, integrator](const Machine& machine) {
+                        return over_temporal(machine, integrator, animation);
+                      }});
     };
     add("instant_gi", "igi", "instant global illumination", animation.igi_over_tic);
     add("instant_caching", "ic", "instant caching", animation.ic_over_tic);

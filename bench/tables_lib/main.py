@@ -41,20 +41,20 @@ class Run:
         self.settings = settings
         self.known = self._known_scenes()
         self.scenes, self.absent = self._scenes()
-        self.planner = Planner(settings)
+        self.planner = Planner(settings, {name: e["accuracy"] for name, e in self.known.items()})
         self.store = Store(settings.icbench, settings.out / "jobs", settings.references,
                            identity_of_program(settings.icbench))
         self.failures: list[dict] = []
         self.broken: set[str] = set()  # identities of jobs that failed or read files of such
         self.done: dict[str, dict] = {}
 
-    def _known_scenes(self) -> dict[str, str]:
-        """Names and descriptions. Raises BadUsage if the program cannot tell."""
+    def _known_scenes(self) -> dict[str, dict]:
+        """What the program lists of each, by name. Raises BadUsage if it cannot tell."""
         command = [str(self.settings.icbench), "list", "scenes", "--json"]
         try:
             done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
             entries = json.loads(done.stdout)
-            return {e["name"]: e.get("description", "") for e in entries if not e.get("analytic")}
+            return {e["name"]: e for e in entries if not e.get("analytic")}
         except OSError as error:
             raise BadUsage(
                 f"{self.settings.icbench}: {error.strerror}; build it, or name another with --icbench"
@@ -127,7 +127,7 @@ class Run:
                 plan.scene, "number of VPLs",
                 f"{plan.scene}: IGI could not be compared with path tracing, so "
                 "there is no number of VPLs to go on with")
-        self.done[plan.scene] = scene_tables(self.store, plan, self.settings, self.known.get(plan.scene, ""))
+        self.done[plan.scene] = scene_tables(self.store, plan, self.settings, self.known.get(plan.scene, {}).get("description", ""))
         try:
             self.done[plan.scene]["pictures"] = self._pictures(plan)
         except (OSError, pictures.PictureError) as error:
@@ -217,7 +217,8 @@ class Run:
             "source": kSource, "complete": complete, "mode": s.mode,
             "command_line": shlex.join(["bench/tables",
                                         *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
-            "settings": {**s.scale.__dict__, "threads": s.threads, "accuracy": s.asked_accuracy, "seed": s.seed},
+            "settings": {**s.scale.__dict__, "threads": s.threads,
+                         "accuracy": s.accuracy or "each scene's own", "seed": s.seed},
             "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
                 "whole_frames": kWholeFrameRange,
                 "indirect_times": {k: v.__dict__

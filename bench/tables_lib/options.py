@@ -53,16 +53,6 @@ kScales = {
 }
 
 
-# The coarsest accuracy at which next to nobody tells a picture of records extrapolated by gradients from instant global
-# illumination's, as bench/rows/animations.h has it; of other scenes a fine one.
-kAccuracies = {
-    "cornell_box": 0.15, "wobble": 0.12, "desk": 0.15, "bunnies_1": 0.11, "bunnies_2": 0.11, "bunnies_4": 0.11,
-    "bunnies_9": 0.11, "conference": 0.15, "sibenik": 0.1, "cornell_specular": 0.15, "cornell_indirect": 0.05,
-    "office": 0.07
-}
-kAccuracy = 0.1
-
-
 @dataclass(frozen=True)
 class Settings:
     mode: str
@@ -71,15 +61,11 @@ class Settings:
     references: Path
     scenes: tuple[str, ...]  # asked for; empty: the thesis's
     threads: tuple[int, ...]  # on which mechanisms are compared
-    asked_accuracy: float | None  # of the caches, in every table
+    accuracy: float | None  # of the caches, in every table; none: each scene's own
     seed: int
     resume: bool
     keep_png: bool
     icbench: Path
-
-    def accuracy(self, scene: str) -> float:
-        """Of the caches, in every table of a scene."""
-        return self.asked_accuracy or kAccuracies.get(scene, kAccuracy)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -182,8 +168,8 @@ def parse(arguments: list[str]) -> Settings:
     references = _writable("--references", Path(given.references)) if given.references else out / "references"
     return Settings(mode, scale, out, references,
                     tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
-                    _accuracy(given.accuracy) if given.accuracy else None, _whole("--seed", given.seed, 0, 10**9 - 1), given.resume,
-                    given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
+                    _accuracy(given.accuracy) if given.accuracy else None,
+                    _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
 
 
 def main() -> int:

@@ -47,6 +47,7 @@ class Plan:
     reference: Job
     direct: Job  # RT with as many samples
     reference_error: Job
+    accuracy: float  # of the caches
     sweep: dict[tuple[int, int], Job] = field(default_factory=dict)  # (vpls, seed): IGI's last frame
     sweep_errors: dict[tuple[int, int], Job] = field(default_factory=dict)
     vpls: int = 0  # of the rest
@@ -101,12 +102,20 @@ def neighbours(counts: tuple[int, ...], chosen: int) -> list[int]:
     return sorted({count for count in counts if count in (chosen // 4, chosen * 4)} | {chosen})
 
 
+kAccuracy = 0.1  # of the caches, on scenes from files
+
+
 class Planner:
     """Makes the plans of all scenes from one set of settings."""
-    def __init__(self, settings: Settings):
-        self.settings, self.scale = settings, settings.scale
+    def __init__(self, settings: Settings, accuracies: dict[str, float]):
+        """`accuracies`: of the caches, by scene, where the settings name none."""
+        self.settings, self.scale, self.accuracies = settings, settings.scale, accuracies
         self.pixels = self.scale.size[0] * self.scale.size[1]
         self.size = f"{self.scale.size[0]}x{self.scale.size[1]}"
+
+    def accuracy(self, scene: str) -> float:
+        """Of the caches, in every table of a scene."""
+        return self.settings.accuracy or self.accuracies.get(scene, kAccuracy)
 
     def last(self, is_animation: bool) -> int:
         return self.scale.frames - 1 if is_animation else 0
@@ -158,7 +167,7 @@ class Planner:
         if integrator.startswith("instant_") or integrator.startswith("temporal_"):
             options += ["--vpls", str(vpls)]
         if integrator in ("irradiance_cache", *(kIntegrators[m] for m in kCached)):
-            options += ["--cache", cache, "--accuracy", f"{accuracy or self.settings.accuracy(scene):g}"]
+            options += ["--cache", cache, "--accuracy", f"{accuracy or self.accuracy(scene):g}"]
             options += ["--interpolation", "gradients"]
         return options + (["--threads", str(threads)] if threads else [])
 
@@ -212,7 +221,7 @@ class Planner:
         direct = self.render(scene, "rt", f"RT, {scale.reference_spp} samples a pixel", last,
                              spp=scale.reference_spp)
         plan = Plan(scene, is_animation, halves, reference, direct,
-                    self._pictures(scene, "halves of the reference", halves[0], halves[1]))
+                    self._pictures(scene, "halves of the reference", halves[0], halves[1]), self.accuracy(scene))
         for seed in range(self.settings.seed, self.settings.seed + scale.vpl_seeds):
             noisy = self.render(scene, "rt", f"RT, seed {seed}", last, seed=seed)
             for count in scale.vpl_counts:
@@ -311,11 +320,11 @@ class Planner:
 
         for method in ("igi", "interleaved"):
             for count in sorted({*scale.few_vpls, *scale.vpl_counts, plan.vpls}):
-                add(method, count, self.settings.accuracy(scene))
+                add(method, count, self.accuracy(scene))
         counts = neighbours(scale.vpl_counts, plan.vpls) if scale.neighbour_vpls else [plan.vpls]
         for method in kCached:
             for count in counts:
-                for accuracy in sorted({*scale.accuracies, self.settings.accuracy(scene)}):
+                for accuracy in sorted({*scale.accuracies, self.accuracy(scene)}):
                     add(method, count, accuracy)
 
     def _mechanisms(self, plan: Plan) -> None:

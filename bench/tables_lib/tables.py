@@ -108,7 +108,7 @@ def _times(store: Store, plan: Plan, rounds: int) -> dict | None:
     }
 
 
-def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
+def _equal_error(store: Store, plan: Plan) -> dict | None:
     """Error against converged IGI over seconds, and what rivals need for TIC's error, frame by frame."""
     points = []
     for (method, vpls, accuracy), made in plan.curve.items():
@@ -126,7 +126,7 @@ def _equal_error(store: Store, plan: Plan, settings: Settings) -> dict | None:
             "flicker": _get(errors, "flicker")
         })
     ours = next((p for p in points
-                 if p["method"] == "tic" and p["vpls"] == plan.vpls and p["accuracy"] == settings.accuracy(plan.scene)),
+                 if p["method"] == "tic" and p["vpls"] == plan.vpls and p["accuracy"] == plan.accuracy),
                 None)
     if ours is None:
         return {"points": points, "target": None, "speedups": {}} if points else None
@@ -235,7 +235,7 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
         "kind": "animation" if plan.is_animation else "still", "vpls": {
             "chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]),
             "curve": vpl_curve(store, plan)
-        }, "accuracy": settings.accuracy(plan.scene), "reference": {
+        }, "accuracy": plan.accuracy, "reference": {
             "spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),
             "halves": _errors(store, plan.reference_error)
         }, "time": _times(store, plan, rounds),
@@ -243,7 +243,7 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
                     for name, job in plan.quality.items()
                     }, "over_frames": {name: _errors(store, job)
                                        for name, job in plan.over_frames.items()},
-        "equal_error": _equal_error(store, plan, settings), "mechanisms": _mechanisms(store, plan, settings),
+        "equal_error": _equal_error(store, plan), "mechanisms": _mechanisms(store, plan, settings),
         "memory": _memory(store, plan, rounds)
     }
 

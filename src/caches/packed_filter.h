@@ -3,9 +3,9 @@
 // The vectors are Highway's, compiled once for every kind of machine and chosen when the program starts
 // (packed_filter.cpp). All widths and the scalar code keep the same lanes (caches/packed_lanes.h).
 //
-// Lanes outside the mask are never loaded: another thread may be writing them. Where the machine has loads under a mask,
-// which do not touch what is masked out, partly filled chunks are loaded by these; elsewhere, and under ThreadSanitizer,
-// which does not see such loads, their lanes are copied one by one first.
+// Lanes outside the mask are never loaded: another thread may be writing them. Where the machine has loads under a
+// mask, which do not touch what is masked out, partly filled chunks are loaded by these; elsewhere, and under
+// ThreadSanitizer, which does not see such loads, their lanes are copied one by one first.
 #pragma once
 
 #include <string_view>

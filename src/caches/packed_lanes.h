@@ -1,10 +1,10 @@
 // Lanes: what a cell of the packed octree knows of a record, 12 bytes of it, and the test that needs no more.
 //
 // A lane holds the record's place to 10 bits an axis of four cells' width, its normal to 8 bits an axis, its reach as a
-// float of 8 bits, and its index. `keeps` tells from that whether the record may be valid at a point. It is conservative:
-// it never turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h).
-// So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
-// do the same operations in single precision, each correctly rounded.
+// float of 8 bits, and its index. `keeps` tells from that whether the record may be valid at a point. It is
+// conservative: it never turns away a valid record, and what it keeps is tested exactly by the record itself
+// (core/interpolation.h). So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same
+// lanes even so, for they do the same operations in single precision, each correctly rounded.
 //
 // Units. Positions are in grid units (core/octree.h); a step is 2^-8 of the cell's side. Reach is a_max R.
 //
@@ -100,8 +100,8 @@ struct LanePoint {
   float slack;
 };
 
-/// A query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact: p lies in
-/// the cell.
+/// A query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact: p
+/// lies in the cell.
 inline LanePoint make_lane_point(const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
   const float steps = steps_of_unit(level);
   // Half a step: a lane's place is the lower end of where it may be.
@@ -153,8 +153,8 @@ struct LaneStrip {
   std::uint32_t bits;  ///< which lanes have been published
 };
 
-/// Writes the indices of all lanes of `n` strips that `keeps` keeps to `out`, in their order; returns how many. `out` has
-/// room for kStripLanes more than there are lanes.
+/// Writes the indices of all lanes of `n` strips that `keeps` keeps to `out`, in their order; returns how many. `out`
+/// has room for kStripLanes more than there are lanes.
 using LaneFilter = std::uint32_t (*)(const LaneQuery& q, const LaneStrip* strips, std::uint32_t n,
                                      UnitIndex* out);
 

@@ -4,16 +4,17 @@
 // Use: this is a *structure*. Packed<PlainSync> is the sequential one that locks and thread-local copies wrap;
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
-// Memory. A node is one cache line: its eight children, of each the node below and the cell itself, if they are there. A
-// cell, two lines, has the mask of its lanes, their count, the first 8 of them, where further chunks of 16 and 40 are, and
-// a list for what does not fit. A lane is 12 bytes of a record (caches/packed_lanes.h), tested many at once; a record
-// is 44 bytes and its mark, read only when one of its lanes was kept. Cells without records and nodes without cells below
-// are not there, so a query waits for memory once a level, then for the cells all at once, then for the records.
+// Memory. A node is one cache line: its eight children, of each the node below and the cell itself, if they are there.
+// A cell, two lines, has the mask of its lanes, their count, the first 8 of them, where further chunks of 16 and 40
+// are, and a list for what does not fit. A lane is 12 bytes of a record (caches/packed_lanes.h), tested many at once; a
+// record is 44 bytes and its mark, read only when one of its lanes was kept. Cells without records and nodes without
+// cells below are not there, so a query waits for memory once a level, then for the cells all at once, then for the
+// records.
 //
-// Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full as
-// well, into their lists. A second split would not pay: a child is at most 2.5 reaches wide, so most of what is listed there
-// is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and their records are
-// tested one by one.
+// Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full
+// as well, into their lists. A second split would not pay: a child is at most 2.5 reaches wide, so most of what is
+// listed there is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and
+// their records are tested one by one.
 //
 // What an insert does, step by step, and what others see if it stops there for ever
 //
@@ -25,7 +26,8 @@
 //   4  marks the record (caches/visibility.h)         it is there, in all cells at once
 //
 // If memory runs out in 1 or 2, what was reserved stays empty, the place goes to the session's next insert, and nothing
-// was linked; 3 and 4 cannot fail. Lanes handed to failed inserts are lost until records are dropped or cleared, nodes without records until `clear`.
+// was linked; 3 and 4 cannot fail. Lanes handed to failed inserts are lost until records are dropped or cleared, nodes
+// without records until `clear`.
 //
 // Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P3 that of the list (caches/slot_list.h)
 //
@@ -48,8 +50,9 @@
 //   visit   wait-free: two words a level; of each cell on the path the mask, two chunks and the list's count; then the lanes
 //           and places that these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
 //
-// Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so visits
-// are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its tick is drawn.
+// Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
+// visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
+// tick is drawn.
 #pragma once
 
 #include <mutex>
@@ -315,8 +318,8 @@ class Packed {
   };
   static_assert(sizeof(Node) == kNodeBytes, "a node is one cache line");
 
-  // Invariant: lanes 0 .. count - 1 have been handed out, each to one insert; the mask has bits of these only, and none goes
-  // out between quiescent points.
+  // Invariant: lanes 0 .. count - 1 have been handed out, each to one insert; the mask has bits of these only, and none
+  // goes out between quiescent points.
   struct alignas(kLineBytes) Cell {
     Atomic<std::uint64_t> mask;
     typename List::List rest;
@@ -329,8 +332,8 @@ class Packed {
   // Address space over what the capacity can need, for nodes that dropped records leave behind (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
   static constexpr std::uint32_t kNodePiece = 64, kCellPiece = 16, kChunkPiece = 64, kTablePiece = 64;
-  // What a record can need at worst: eight paths, and a cell at the end of each. Further chunks, lower cells, and lists are
-  // used only where many records are, and take less for each.
+  // What a record can need at worst: eight paths, and a cell at the end of each. Further chunks, lower cells, and lists
+  // are used only where many records are, and take less for each.
   static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstLines = 8,
                                  kWorstListUnits = 32;
   static constexpr std::size_t kUpdateGrain = 1024;
@@ -428,7 +431,8 @@ class Packed {
       Copy& copy = insertion.copies[insertion.reserved];
       copy.where = where;
       copy.cell = &c;
-      // Relaxed: the count only fixes places; what lies there is published by P6. The load keeps it from wrapping round.
+      // Relaxed: the count only fixes places; what lies there is published by P6. The load keeps it from wrapping
+      // round.
       if (c.count.load(std::memory_order_relaxed) < kCellLanes) {
         copy.lane = c.count.fetch_add(1, std::memory_order_relaxed);
         if (copy.lane < kCellLanes) {

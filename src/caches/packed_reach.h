@@ -1,15 +1,15 @@
 // Which cells of the packed octree a record must be known in: those its validity region may reach, and no others.
 //
-// A record is placed at the level whose cells are kCellWidth to 2 kCellWidth times as wide as its reach a_max R (the root
-// if it is larger, kPackedLevels if it is tiny). There its sphere meets two cells an axis at most, eight in all; one level
-// below, three an axis. A cell is left out if it lies outside the sphere, or wholly behind the record:
+// A record is placed at the level whose cells are kCellWidth to 2 kCellWidth times as wide as its reach a_max R (the
+// root if it is larger, kPackedLevels if it is tiny). There its sphere meets two cells an axis at most, eight in all;
+// one level below, three an axis. A cell is left out if it lies outside the sphere, or wholly behind the record:
 //
 //   Valid at x means d.(n + n_x)/2 >= -0.01 R for d = x - p (core/interpolation.h). With |n - n_x| = sqrt(2 bend) and
 //   sqrt(bend) < a - |d|/R, it follows that d.n >= -0.01 R - |d| (a - |d|/R) / sqrt(2) >= -(0.01 + a^2/4/sqrt(2)) R. So no
 //   valid point is deeper below the record's plane than kInFrontTolerance/a + a/4/sqrt(2) of its reach.
 //
-// Both tests have slack for rounding: |u(x) - u(p)| errs by less than 0.44 grid units an axis (core/octree.h), and the last
-// cells hold what lies up to a unit behind them.
+// Both tests have slack for rounding: |u(x) - u(p)| errs by less than 0.44 grid units an axis (core/octree.h), and the
+// last cells hold what lies up to a unit behind them.
 #pragma once
 
 #include "core/interpolation.h"

@@ -7,9 +7,9 @@
 //
 // Step bounds. A step is one operation on an atomic word, a read-modify-write included. A structure that is wait-free
 // says in numbers what that means: an insert of r takes at most insert_steps(r) steps; a visit reads how far each list
-// reaches once, of kMostLists lists at most, and takes at most kVisitSteps and, for a list that reached to `extent` then,
-// list_steps(extent). kInsertBound and kVisitBound say the same in words. The caches on top add what is their own;
-// stress/README.md tells how the bounds are checked.
+// reaches once, of kMostLists lists at most, and takes at most kVisitSteps and, for a list that reached to `extent`
+// then, list_steps(extent). kInsertBound and kVisitBound say the same in words. The caches on top add what is their
+// own; stress/README.md tells how the bounds are checked.
 #pragma once
 
 #include <algorithm>

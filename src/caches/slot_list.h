@@ -14,9 +14,9 @@
 //                                             zeroing of its memory by a reset in another thread
 //
 // Progress: append is wait-free; at most 12 links are followed, each by one load and, if it is empty, one allocation
-// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 = 74 steps, and those that publish
-// (kAppendSteps). visit is wait-free: the count is read once, and is its extent; one mark a slot below that, one load a
-// segment (visit_steps).
+// (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 = 74 steps, and those that
+// publish (kAppendSteps). visit is wait-free: the count is read once, and is its extent; one mark a slot below that,
+// one load a segment (visit_steps).
 #pragma once
 
 #include <array>
@@ -48,8 +48,8 @@ UnitIndex install(typename Sync::template Atomic<UnitIndex>& word, UnitIndex fre
   return winner;
 }
 
-/// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists, `Visibility`
-/// (caches/visibility.h) says when a query sees an item.
+/// The memory of all lists of one structure. `PoolSync` is the policy of the pool, `Sync` that of the lists,
+/// `Visibility` (caches/visibility.h) says when a query sees an item.
 template <class Sync, class PoolSync, class Visibility, class Item = Record>
 class SlotPool {
   template <class T>
@@ -127,7 +127,8 @@ class SlotPool {
   /// A list; all-zero bytes are an empty one.
   ///
   /// Invariants: slots 0 .. count - 1 have been handed out, and those whose segment could not be had stay empty; a
-  /// slot's mark never becomes empty again between quiescent points; a link goes from 0 to an index once between resets.
+  /// slot's mark never becomes empty again between quiescent points; a link goes from 0 to an index once between
+  /// resets.
   struct List {
     Atomic<std::uint32_t> count;
     Atomic<UnitIndex> head;

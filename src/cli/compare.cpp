@@ -1,5 +1,7 @@
 // icbench compare A B: error metrics of image B against the reference A, or of the frames of folder B against
 // those of folder A.
+#include "cli/compare.h"
+
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +17,6 @@
 #include <tuple>
 #include <vector>
 
-#include "cli/compare.h"
 #include "cli/options.h"
 #include "core/names.h"
 #include "image/file.h"

@@ -58,13 +58,15 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
 }
 
 FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
-  require_known("integrator", o.integrator, kIntegrators);
   const IntegratorEntry& integrator = find_integrator(o.integrator);
   const CacheEntry& cache = find_cache(o.cache);
   const InterpolationEntry& interpolation = find_interpolation(o.interpolation);
   if (integrator.uses_vpls && integrator.needs_cache() && !is_for_vpls(interpolation.level)) {
-    throw std::runtime_error(fmt::format("--interpolation {}: {} knows split_sphere and gradients",
-                                         o.interpolation, o.integrator));
+    std::vector<std::string_view> known;
+    for (const InterpolationEntry& entry : kInterpolations)
+      if (is_for_vpls(entry.level)) known.push_back(entry.name);
+    throw std::runtime_error(fmt::format("--interpolation {}: {} knows {}", o.interpolation, o.integrator,
+                                         fmt::join(known, " and ")));
   }
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);

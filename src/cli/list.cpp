@@ -38,7 +38,10 @@ Json caches() {
 Json scenes() {
   Json out = Json::array();
   for (const SceneEntry& e : kScenes) {
-    out.push_back({{"name", e.name}, {"analytic", e.analytic}, {"description", e.description}});
+    out.push_back({{"name", e.name},
+                   {"analytic", e.analytic},
+                   {"accuracy", shortest_decimal(e.accuracy)},
+                   {"description", e.description}});
   }
   return out;
 }
@@ -104,12 +107,9 @@ struct Listing {
   std::string_view name;
   Json (*make)();
 };
-constexpr Listing kListings[] = {{"caches", caches},
-                                 {"scenes", scenes},
-                                 {"integrators", integrators},
-                                 {"interpolations", interpolations},
-                                 {"workloads", workloads},
-                                 {"metrics", metrics}};
+constexpr Listing kListings[] = {{"caches", caches},           {"scenes", scenes},
+                                 {"integrators", integrators}, {"interpolations", interpolations},
+                                 {"workloads", workloads},     {"metrics", metrics}};
 
 }  // namespace
 
@@ -119,8 +119,10 @@ void add_list(CLI::App& app) {
     bool json = false;
   };
   const auto options = std::make_shared<Options>();
-  CLI::App* list = app.add_subcommand("list", "List caches, scenes, integrators, interpolations, workloads or metrics");
-  list->add_option("WHAT", options->what, "caches, scenes, integrators, interpolations, workloads or\nmetrics")
+  CLI::App* list =
+      app.add_subcommand("list", "List caches, scenes, integrators, interpolations, workloads or metrics");
+  list->add_option("WHAT", options->what,
+                   "caches, scenes, integrators, interpolations, workloads or\nmetrics")
       ->type_name("")
       ->required();
   list->add_flag("--json", options->json, "As JSON, for programs");

@@ -112,17 +112,6 @@ inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& 
       ->default_str(fmt::to_string(value));
 }
 
-/// Throws unless `table` (entries with a `name`) knows the name.
-template <class Table>
-void require_known(std::string_view kind, std::string_view name, const Table& table) {
-  std::vector<std::string_view> known;
-  for (const auto& entry : table) {
-    if (entry.name == name) return;
-    known.push_back(entry.name);
-  }
-  throw std::runtime_error(unknown_name(kind, name, known));
-}
-
 /// Throws if a file of that name can certainly not be written: to be told before the work, not after it.
 inline void require_writable(std::string_view option, const std::filesystem::path& path) {
   const auto refuse = [&](const std::string& why) {

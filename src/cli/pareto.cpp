@@ -48,11 +48,7 @@ std::vector<const ParetoMethod*> methods_of(const std::string& text) {
   }
   const std::vector<std::string> names = split_list("--methods", text);
   require_distinct("--methods", names);
-  for (const std::string& name : names) {
-    require_known("method", name, known);
-    for (const ParetoMethod& method : known)
-      if (method.name == name) out.push_back(&method);
-  }
+  for (const std::string& name : names) out.push_back(&find_named("method", name, known));
   return out;
 }
 

@@ -27,8 +27,8 @@ using UnitIndex = std::uint32_t;
 template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
-  /// Reserves address space for `units` units, on large pages if the system has them for who asks. Fails at set-up with one
-  /// line if the system has none.
+  /// Reserves address space for `units` units, on large pages if the system has them for who asks. Fails at set-up with
+  /// one line if the system has none.
   explicit Arena(std::uint64_t units, bool on_large_pages = false)
       : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
     void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE,

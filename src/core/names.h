@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -54,6 +55,18 @@ inline std::string unknown_name(std::string_view kind, std::string_view word,
     line += name;
   }
   return line;
+}
+
+/// The entry of that name in a table of entries with a `name`. Throws std::runtime_error with the line above if there
+/// is none.
+template <class Table>
+const auto& find_named(std::string_view kind, std::string_view name, const Table& table) {
+  std::vector<std::string_view> known;
+  for (const auto& entry : table) {
+    if (entry.name == name) return entry;
+    known.push_back(entry.name);
+  }
+  throw std::runtime_error(unknown_name(kind, name, known));
 }
 
 }  // namespace icbench

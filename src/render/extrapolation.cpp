@@ -1,11 +1,9 @@
 #include "render/extrapolation.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <limits>
-#include <stdexcept>
-#include <string>
+
+#include "core/names.h"
 
 namespace icbench {
 namespace {
@@ -34,13 +32,7 @@ float change_length(const Irradiance& E, const IrradianceGradients& g) noexcept 
 }  // namespace
 
 const InterpolationEntry& find_interpolation(std::string_view name) {
-  std::string known;
-  for (const InterpolationEntry& entry : kInterpolations) {
-    if (entry.name == name) return entry;
-    known += known.empty() ? "" : ", ";
-    known += entry.name;
-  }
-  throw std::runtime_error(fmt::format("unknown interpolation '{}'; the levels are {}", name, known));
+  return find_named("interpolation", name, kInterpolations);
 }
 
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept {
@@ -62,8 +54,8 @@ void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noex
 std::uint32_t RecordDetails::draft(unsigned thread) {
   Purse& purse = purses_[thread];
   if (purse.next == purse.end) {
-    // Relaxed: the counter only has to give distinct blocks; nobody else looks at a block before its records are found in
-    // the cache.
+    // Relaxed: the counter only has to give distinct blocks; nobody else looks at a block before its records are found
+    // in the cache.
     if (next_block_.load(std::memory_order_relaxed) >= blocks_.size()) return kNone;
     const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
     if (b >= blocks_.size()) return kNone;
@@ -110,9 +102,9 @@ float RecordShaper::radius(const glm::vec3& p, float mean, const Irradiance& E,
   return radius(p, std::min(mean, change_length(E, gradients)));
 }
 
-float RecordShaper::shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
-                                  const IrradianceGradients& gradients, RecordDetail& detail) noexcept {
-  detail.R = limits.clamp(std::min(R, change_length(E, gradients)));
+float RecordShaper::shape_of_vpls(float R, const Irradiance& E, const IrradianceGradients& gradients,
+                                  RecordDetail& detail) const noexcept {
+  detail.R = limits_.clamp(std::min(R, change_length(E, gradients)));
   detail.gradients = gradients;
   restrain(detail.gradients, E, detail.R);
   return detail.R;
@@ -125,7 +117,7 @@ float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance
   const float near = 0.1f * least;
   float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
   detail.major = seen.basis.s;
-  if (seen.strata.elevations >= kLeastElevationsForHessian) {
+  if (seen.strata.count() >= kLeastCellsForHessian) {
     const glm::mat2 H = level_ == Interpolation::occlusion_hessian ? occlusion_hessian(seen, near)
                                                                    : geometric_hessian(seen, near);
     const float brightness = luminance(E);

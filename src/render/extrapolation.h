@@ -1,10 +1,10 @@
 // Records that carry more than irradiance: how it changes around them, and how far that can be trusted.
 //
 // A cache stores records as they are and answers with those whose split-sphere region holds the point
-// (core/interpolation.h). Beyond the first two levels below, that is where the search ends and this file begins: beside the
-// cache there is a RecordDetail for each record, found by the record's id, and a record counts with the irradiance that
-// its gradients extrapolate to the point, negative channels as 0, and with a weight that falls to 0 at the border of the
-// region where it is valid, so that nothing jumps there.
+// (core/interpolation.h). Beyond the first two levels below, that is where the search ends and this file begins: beside
+// the cache there is a RecordDetail for each record, found by the record's id, and a record counts with the irradiance
+// that its gradients extrapolate to the point, negative channels as 0, and with a weight that falls to 0 at the border
+// of the region where it is valid, so that nothing jumps there.
 //
 //   level               region of a record                                        irradiance, weight
 //   split_sphere        R = harmonic mean distance (Ward et al. 1988), within      as is, 1 / error
@@ -21,9 +21,9 @@
 //
 // Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
 // lambda a record is valid to the distance r = a (kHessianScale D^2 E / |lambda|)^(1/4), where D is the scene's
-// diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012). Limits: the smaller axis is
-// at least half the larger; r <= a E / |gradient|; r is at least a hundredth of a D and at most a fifth of D. The normal
-// may turn as far as the split-sphere error allows.
+// diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012). Limits: the smaller axis
+// is at least half the larger; r <= a E / |gradient|; r is at least a hundredth of a D and at most a fifth of D. The
+// normal may turn as far as the split-sphere error allows.
 #pragma once
 
 #include <algorithm>
@@ -84,9 +84,9 @@ constexpr bool is_for_vpls(Interpolation level) noexcept {
 }
 constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Interpolation::geometric_hessian; }
 
-/// Scales gradients down where they promise more than a record within its region can hold: with |d| <= a R a channel may
-/// change by a share a, as its normal turns by kMostTurn of itself a radian. A few paths that found much light make such
-/// gradients, and the least radius would let them show.
+/// Scales gradients down where they promise more than a record within its region can hold: with |d| <= a R a channel
+/// may change by a share a, as its normal turns by kMostTurn of itself a radian. A few paths that found much light make
+/// such gradients, and the least radius would let them show.
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
 
 /// How much farther than to valid records a cache has to answer, so that a new record finds its neighbours.
@@ -102,8 +102,8 @@ struct RecordDetail {
   float inverse_major = 0.0f, inverse_minor = 0.0f;  ///< of the distances to which it is valid, 1/m
 };
 
-/// Details by record id. Threads draw ids of their own, in blocks; what a thread writes there before it inserts the record
-/// is read by others after they found the record in the cache: the cache's own publication orders the two.
+/// Details by record id. Threads draw ids of their own, in blocks; what a thread writes there before it inserts the
+/// record is read by others after they found the record in the cache: the cache's own publication orders the two.
 class RecordDetails {
  public:
   static constexpr std::uint32_t kBlock = 64;
@@ -157,10 +157,10 @@ class RecordShaper {
   /// The camera of this frame, from which screen limits are measured.
   void look_from(const Camera& camera) noexcept;
 
-  /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R, metres:
-  /// no limits on the screen.
-  static float shape_of_vpls(const RadiusLimits& limits, float R, const Irradiance& E,
-                             const IrradianceGradients& gradients, RecordDetail& detail) noexcept;
+  /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R,
+  /// metres: no limits on the screen.
+  float shape_of_vpls(float R, const Irradiance& E, const IrradianceGradients& gradients,
+                      RecordDetail& detail) const noexcept;
 
   /// R of a record at p with harmonic mean distance `mean` (may be infinite), metres; levels without ellipses.
   float radius(const glm::vec3& p, float mean) const noexcept;
@@ -200,7 +200,10 @@ class Extrapolator {
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
   void operator()(const Record& r, float weight) noexcept {
-    if (r.id == RecordDetails::kNone) return add(r.E, weight);  // there was no room for its details
+    if (r.id == RecordDetails::kNone) {  // there was no room for its details: valid as the split sphere says
+      if (weight > inverse_a_) add(r.E, elliptic_ ? 1.0f - inverse_a_ / weight : weight - inverse_a_);
+      return;
+    }
     const RecordDetail& detail = details_[r.id];
     const glm::vec3 d = x_.p - r.p;
     float w;

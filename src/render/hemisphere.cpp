@@ -22,8 +22,8 @@ void add(std::array<glm::vec2, 3>& sum, const glm::vec2& v, const glm::vec3& of)
   for (int c = 0; c < 3; ++c) sum[static_cast<std::size_t>(c)] += of[c] * v;
 }
 
-// Points on the segment between two points as seen from the origin: evenly spread over the angle between them rather than
-// over the length, so that a segment which goes from near to far is met where it matters.
+// Points on the segment between two points as seen from the origin: evenly spread over the angle between them rather
+// than over the length, so that a segment which goes from near to far is met where it matters.
 struct SeenSegment {
   static constexpr int kPoints = 3;  // of Gauss and Legendre: exact for segments that point at the origin
   glm::vec3 at[kPoints];

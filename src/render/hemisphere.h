@@ -1,8 +1,8 @@
-// What a hemisphere gather saw, cell by cell, and what follows from it besides irradiance: how irradiance changes as the
-// point moves and as its normal turns.
+// What a hemisphere gather saw, cell by cell, and what follows from it besides irradiance: how irradiance changes as
+// the point moves and as its normal turns.
 //
-// Cells are those of Strata: M elevations of equal projected solid angle times N azimuths. The sample of cell (m, n) has
-// direction d, meets the first surface at distance t and brings radiance L, so that E = pi / (M N) sum L.
+// Cells are those of Strata: M elevations of equal projected solid angle times N azimuths. The sample of cell (m, n)
+// has direction d, meets the first surface at distance t and brings radiance L, so that E = pi / (M N) sum L.
 //
 //   gradients   Ward & Heckbert 1992, "Irradiance gradients", eqs. 1-3: as the point moves, the borders between cells
 //               move, by the nearer of the two surfaces; as the normal turns, cosines change.
@@ -72,11 +72,12 @@ struct Hemisphere {
 /// Ward & Heckbert's gradients. Finite: distances count as `near` at least (metres, > 0).
 IrradianceGradients gradients_of(const Hemisphere& seen, float near) noexcept;
 
-/// Fewest elevations and azimuths of which Hessians can be told: with fewer cells they are noise alone.
-inline constexpr std::uint32_t kLeastElevationsForHessian = 4;
+/// Fewest cells of which Hessians can be told: with fewer they are noise alone. As many as Radiance's 7 divisions a
+/// side.
+inline constexpr std::uint32_t kLeastCellsForHessian = 49;
 
-/// Second derivatives of the irradiance of the luminance, W/m^4, along the axes x and y of the basis; symmetric, finite.
-/// Distances count as `near` at least.
+/// Second derivatives of the irradiance of the luminance, W/m^4, along the axes x and y of the basis; symmetric,
+/// finite. Distances count as `near` at least.
 glm::mat2 occlusion_hessian(const Hemisphere& seen, float near) noexcept;
 
 /// The same by geometry alone: positive semidefinite.

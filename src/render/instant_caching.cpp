@@ -24,8 +24,7 @@ VplChange update_vpls(VplUpdate& update, Crew& crew) {
 
 InstantCachingSource::InstantCachingSource(const PassSetup& s)
     : vpls_(s.rays, {s.vpls, s.seed}),
-      limits_(radius_limits(s.rays.scene().bounds)),
-      radius_(s.rays.scene().bounds, limits_),
+      radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       names_(s.rays.scene(), s.width, s.height),
       shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr) {}
@@ -51,8 +50,7 @@ Record InstantCachingSource::evaluate(unsigned thread, Tracer& tracer, const Vis
   const Irradiance E = gather_vpls(tracer, point, vpls_.vpls(), clamp_, Packing::fast, gradients) + added;
   const std::uint32_t id = shapes_->details.draft(thread);
   if (id == RecordDetails::kNone) return {point.p, point.n, R, E, id};
-  return {point.p, point.n, RecordShaper::shape_of_vpls(limits_, R, E, gradients, shapes_->details[id]), E,
-          id};
+  return {point.p, point.n, shapes_->shaper.shape_of_vpls(R, E, gradients, shapes_->details[id]), E, id};
 }
 
 void InstantCachingSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {

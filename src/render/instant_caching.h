@@ -55,7 +55,6 @@ class InstantCachingSource final : public RecordSource {
 
  private:
   VplSet vpls_;
-  RadiusLimits limits_;
   RadiusRays radius_;
   float clamp_;
   RecordNames names_;

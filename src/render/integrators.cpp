@@ -1,10 +1,6 @@
 #include "render/integrators.h"
 
-#include <fmt/format.h>
-
-#include <stdexcept>
-#include <string>
-
+#include "core/names.h"
 #include "render/irradiance_cache.h"
 
 namespace icbench {
@@ -52,13 +48,7 @@ std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& s) {
 }
 
 const IntegratorEntry& find_integrator(std::string_view name) {
-  std::string known;
-  for (const IntegratorEntry& entry : kIntegrators) {
-    if (entry.name == name) return entry;
-    known += known.empty() ? "" : ", ";
-    known += entry.name;
-  }
-  throw std::runtime_error(fmt::format("unknown integrator '{}'; the integrators are {}", name, known));
+  return find_named("integrator", name, kIntegrators);
 }
 
 }  // namespace icbench

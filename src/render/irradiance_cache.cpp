@@ -33,6 +33,7 @@ Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Visible& x, co
 ShapedHemisphereSource::ShapedHemisphereSource(const PassSetup& s)
     : rays_(s.rays),
       strata_(Strata::for_rays(s.gather_rays)),
+      names_(s.rays.scene(), s.width, s.height),
       shapes_(make_shapes(s)),
       workers_(s.crew.size()) {}
 
@@ -45,15 +46,16 @@ RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew&
 
 Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
                                         const SampleKey& key) noexcept {
-  Worker& w = workers_[thread];
-  const GatherResult g = gather(tracer, x.hit, strata_, x.key(key, Purpose::gather), w.seen);
-  Record record{x.hit.p, x.hit.n, 0.0f, g.E, shapes_.details.draft(thread)};
   const RecordShaper& shaper = shapes_.shaper;
-  const bool detailed = extrapolates(shaper.level()) && record.id != RecordDetails::kNone;
-  if (!detailed) {
-    record.R = shaper.radius(record.p, g.R);
-    return record;
+  const std::uint64_t of_hit = x.key(key, Purpose::gather);
+  if (!extrapolates(shaper.level())) {
+    const GatherResult g = gather(tracer, x.hit, strata_, of_hit);
+    return {x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, names_(x, key)};
   }
+  Worker& w = workers_[thread];
+  const GatherResult g = gather(tracer, x.hit, strata_, of_hit, w.seen);
+  Record record{x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, shapes_.details.draft(thread)};
+  if (record.id == RecordDetails::kNone) return record;
   RecordDetail& detail = shapes_.details[record.id];
   detail.gradients = gradients_of(w.seen, rays_.epsilon());
   record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
@@ -63,6 +65,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
 }
 
 void ShapedHemisphereSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
+  if (!extrapolates(shapes_.shaper.level())) return;
   if (result == InsertResult::inserted && record.id != RecordDetails::kNone) shapes_.details.keep(thread);
 }
 

@@ -67,7 +67,7 @@ class HemisphereSource final : public RecordSource {
 RecordShapes make_shapes(const PassSetup& setup);
 
 /// The same at the other levels of interpolation: with gradients, and radii as the level says. Ids are those of
-/// RecordDetails.
+/// RecordDetails where records are extrapolated, else of RecordNames.
 class ShapedHemisphereSource final : public RecordSource {
  public:
   explicit ShapedHemisphereSource(const PassSetup& setup);
@@ -87,6 +87,7 @@ class ShapedHemisphereSource final : public RecordSource {
 
   const RayTracer& rays_;
   Strata strata_;
+  RecordNames names_;
   RecordShapes shapes_;
   std::vector<Worker> workers_;
 };

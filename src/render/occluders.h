@@ -1,21 +1,22 @@
 // Shadow rays in packets, fast or with answers that do not depend on the packet.
 //
-// Temporal caching keeps the answers of shadow rays and traces a part of them anew, in other packets, beside things that
-// have moved meanwhile; it promises the very bits of a fresh start. Embree's packets do not keep that promise: where a
-// ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in other
-// company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of rays in
-// the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any packet
-// through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
+// Temporal caching keeps the answers of shadow rays and traces a part of them anew, in other packets, beside things
+// that have moved meanwhile; it promises the very bits of a fresh start. Embree's packets do not keep that promise:
+// where a ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in
+// other company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of
+// rays in the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any
+// packet through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
 // Two things make an answer exact, a function of the ray and of what it meets alone:
-// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each moving
+// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each
+// moving
 //   shape whose box it meets, in the shape's own space. So the answer is the "or" of answers each of which depends on
 //   one shape and its pose.
 // - Exact packing leaves lanes empty: up to five rays in a packet of 8 are traversed one by one, as rtcOccluded1 does,
 //   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
 //
-// Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1 1,
-// exact 1.3, fast 1.55, full packets of 16 1.55. A box test per ray and moving shape besides.
+// Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1
+// 1, exact 1.3, fast 1.55, full packets of 16 1.55. A box test per ray and moving shape besides.
 #pragma once
 
 #include <cstdint>

@@ -1,8 +1,8 @@
 // What the pixels of a whole image see, stored, so that what happens there can be run and timed by itself.
 //
 // A pixel sees one diffuse surface. Behind mirrors and dielectrics it may see several, or none: they are followed as in
-// Whitted ray tracing, a dielectric splitting the ray into its reflected and its refracted branch, each with its weight.
-// Images of scenes without such surfaces hold hits alone and are passed over without asking.
+// Whitted ray tracing, a dielectric splitting the ray into its reflected and its refracted branch, each with its
+// weight. Images of scenes without such surfaces hold hits alone and are passed over without asking.
 //
 // The tree of a pixel splits down to kSplitDepth bounces and into kMaxVisible leaves at most; beyond that a branch goes
 // on in one direction, chosen by the Fresnel term. Branches of weight below kMinWeight are dropped by roulette: those

@@ -154,9 +154,9 @@ class RayTracer {
   /// Whether anything lies on each of many rays.
   void occluded(std::span<const Ray> rays, std::span<bool> out) const noexcept;
 
-  /// Shadow rays from one point, which lies off its surface already (leave), to up to 64 ends: bit i of `which` asks for
-  /// the ray to (x[i], y[i], z[i]). Returns the bits of those on which any of these shapes lies (occluders.h): that of
-  /// all shapes is the "or" of the other two, with exact packing to the bit.
+  /// Shadow rays from one point, which lies off its surface already (leave), to up to 64 ends: bit i of `which` asks
+  /// for the ray to (x[i], y[i], z[i]). Returns the bits of those on which any of these shapes lies (occluders.h): that
+  /// of all shapes is the "or" of the other two, with exact packing to the bit.
   std::uint64_t occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
                               std::uint64_t which, Packing packing,
                               Shapes shapes = Shapes::all) const noexcept;

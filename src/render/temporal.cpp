@@ -32,8 +32,7 @@ std::uint32_t capacity_of(const PassSetup& s) {
 TemporalSource::TemporalSource(const PassSetup& s)
     : rays_(s.rays),
       vpls_(s.rays, {s.vpls, s.seed}),
-      limits_(radius_limits(s.rays.scene().bounds)),
-      radius_(s.rays.scene().bounds, limits_),
+      radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       table_(capacity_of(s), s.crew.size()),
       shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr),
@@ -144,7 +143,8 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const std::uint32_t cut = cut_distances(c, point, r.distances);
   if (cut != 0) radius_.trace(tracer, point, cut, r.distances);
 
-  // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not be.
+  // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not
+  // be.
   const Packing packing = record_packing(rays_, r.mesh);
   const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
   const bool lights_anew = c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id);
@@ -177,8 +177,7 @@ float TemporalSource::reshape(std::uint32_t id, const Hit& point,
                               std::span<const std::uint64_t> seen) noexcept {
   const KeptRecord& r = table_[id];
   const IrradianceGradients gradients = gradients_from(seen, point, vpls_.vpls(), clamp_);
-  return RecordShaper::shape_of_vpls(limits_, radius_.radius(r.distances), r.E, gradients,
-                                     shapes_->details[id]);
+  return shapes_->shaper.shape_of_vpls(radius_.radius(r.distances), r.E, gradients, shapes_->details[id]);
 }
 
 // Whether a segment to a VPL that may be seen meets a box of what moved.

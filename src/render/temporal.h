@@ -15,20 +15,20 @@
 //                 made anew as a whole (record_packing).
 //
 // Boxes are conservative (render/moved_boxes.h), every ray goes through the same kernel as when a record is made, and
-// nothing is ever corrected by a difference. So after begin_frame each record equals, bit for bit, the one that would be
-// made at its place in this frame: nothing drifts, however many frames.
+// nothing is ever corrected by a difference. So after begin_frame each record equals, bit for bit, the one that would
+// be made at its place in this frame: nothing drifts, however many frames.
 //
-// A cache may not let a radius grow in place: a record that gets a larger one is dropped and inserted again, as it would
-// be now (to_insert). A cache that holds a record in several copies is told the same of each: what update() answers was
-// worked out before, and is looked up by id.
+// A cache may not let a radius grow in place: a record that gets a larger one is dropped and inserted again, as it
+// would be now (to_insert). A cache that holds a record in several copies is told the same of each: what update()
+// answers was worked out before, and is looked up by id.
 //
 // Records that no pixel uses any more: when the number of records has doubled since this was last done (and grown by
 // kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and
 // the others are dropped as the next frame begins. So their number stays below twice the number in use, and a frame's
 // new ones, for ever; between such frames queries tell nothing and nothing is paid for.
 //
-// Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the sum,
-// and bound the radius; they are as exact as it is.
+// Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
+// sum, and bound the radius; they are as exact as it is.
 //
 // Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
 #pragma once
@@ -114,7 +114,6 @@ class TemporalSource final : public RecordSource {
 
   const RayTracer& rays_;
   VplSet vpls_;
-  RadiusLimits limits_;
   RadiusRays radius_;
   float clamp_;
   RecordTable table_;

@@ -280,12 +280,13 @@ void VplUpdate::find_owned(std::uint32_t path) {
 }
 
 // Frees the slots of a path that it has no VPLs for any more.
-void VplUpdate::release_surplus(std::uint32_t path, const Traced& traced, std::size_t first, std::size_t end) {
+void VplUpdate::release_surplus(std::uint32_t path, const Traced& traced, std::size_t first,
+                                std::size_t end) {
   find_owned(path);
-  const auto vpls = static_cast<std::size_t>(
-      std::count_if(traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(first),
-                    traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(end),
-                    [](std::uint32_t vpl) { return vpl != kNoSlot; }));
+  const auto vpls =
+      static_cast<std::size_t>(std::count_if(traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(first),
+                                             traced.vpl_of.begin() + static_cast<std::ptrdiff_t>(end),
+                                             [](std::uint32_t vpl) { return vpl != kNoSlot; }));
   for (std::size_t k = vpls; k < owned_.size(); ++k) set_->free_slot(owned_[k]);
 }
 

@@ -10,8 +10,8 @@
 // path, tracing it anew gives the same path bit for bit. The start of a path and what becomes of it at the first
 // surface come from a randomly shifted Halton sequence over the paths, the rest from the path's own stream.
 //
-// VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it is
-// traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots follow the paths.
+// VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it
+// is traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots follow the paths.
 //
 // Costs: 36 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
 // serial loop in the order of the paths, so that nothing depends on the threads.

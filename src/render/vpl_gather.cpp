@@ -38,6 +38,20 @@ struct WordOfVpls {
   }
 };
 
+// From a point with normal n to VPL i of a word.
+struct ToVpl {
+  float x, y, z, d2;  // the segment, and its length squared
+  float here, there;  // its length times the cosine at either end; negative below the horizon
+
+  ToVpl(const WordOfVpls& v, std::size_t i, const glm::vec3& p, const glm::vec3& n) noexcept
+      : x(v.px[i] - p.x),
+        y(v.py[i] - p.y),
+        z(v.pz[i] - p.z),
+        d2(x * x + y * y + z * z),
+        here(x * n.x + y * n.y + z * n.z),
+        there(-(x * v.nx[i] + y * v.ny[i] + z * v.nz[i])) {}
+};
+
 // 64 bytes of 0 or 1 as bits: eight at a time, by a product that brings their lowest bits together on top.
 std::uint64_t bits_of(const std::uint8_t (&flags)[kWord]) noexcept {
   std::uint64_t bits = 0;
@@ -55,11 +69,9 @@ std::uint64_t facing(const Hit& hit, const WordOfVpls& v) noexcept {
   const glm::vec3 p = hit.p, n = hit.n, ng = hit.ng;
   alignas(64) std::uint8_t flags[kWord];
   for (std::size_t i = 0; i < kWord; ++i) {
-    const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
-    const float here = x * n.x + y * n.y + z * n.z;
-    const float surface = x * ng.x + y * ng.y + z * ng.z;
-    const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
-    flags[i] = static_cast<std::uint8_t>((here > 0.0f) & (surface > 0.0f) & (there > 0.0f));
+    const ToVpl to(v, i, p, n);
+    const float surface = to.x * ng.x + to.y * ng.y + to.z * ng.z;
+    flags[i] = static_cast<std::uint8_t>((to.here > 0.0f) & (surface > 0.0f) & (to.there > 0.0f));
   }
   return bits_of(flags);
 }
@@ -134,11 +146,8 @@ class Sum {
       if (some == 0) continue;
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const std::size_t i = first + l;
-        const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
-        const float d2 = x * x + y * y + z * z;
-        const float here = x * n.x + y * n.y + z * n.z;
-        const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
-        const float G = here * there / (d2 * d2);
+        const ToVpl to(v, i, p, n);
+        const float G = to.here * to.there / (to.d2 * to.d2);
         // The comparison fails for the 0 / 0 of distances whose squares vanish, too.
         const float bounded = G < clamp ? G : clamp;
         const float g = (some >> l & 1u) != 0 ? bounded : 0.0f;
@@ -175,20 +184,17 @@ class Slopes {
       if (some == 0) continue;
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const std::size_t i = first + l;
-        const float x = v.px[i] - p.x, y = v.py[i] - p.y, z = v.pz[i] - p.z;
-        const float d2 = x * x + y * y + z * z;
-        const float here = x * n.x + y * n.y + z * n.z;
-        const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
-        const float inverse = 1.0f / (d2 * d2);
-        const float G = here * there * inverse;
+        const ToVpl to(v, i, p, n);
+        const float inverse = 1.0f / (to.d2 * to.d2);
+        const float G = to.here * to.there * inverse;
         const bool counts = (some >> l & 1u) != 0 && G < clamp;  // false for the NaN of points that coincide
-        const float turn = counts ? there * inverse : 0.0f;
-        const float lean = counts ? here * inverse : 0.0f;
-        const float pull = counts ? 4.0f * G / d2 : 0.0f;
-        const float tx = lean * v.nx[i] + pull * x - turn * n.x;
-        const float ty = lean * v.ny[i] + pull * y - turn * n.y;
-        const float tz = lean * v.nz[i] + pull * z - turn * n.z;
-        const float rx = turn * x, ry = turn * y, rz = turn * z;
+        const float turn = counts ? to.there * inverse : 0.0f;
+        const float lean = counts ? to.here * inverse : 0.0f;
+        const float pull = counts ? 4.0f * G / to.d2 : 0.0f;
+        const float tx = lean * v.nx[i] + pull * to.x - turn * n.x;
+        const float ty = lean * v.ny[i] + pull * to.y - turn * n.y;
+        const float tz = lean * v.nz[i] + pull * to.z - turn * n.z;
+        const float rx = turn * to.x, ry = turn * to.y, rz = turn * to.z;
         const float flux[3] = {v.red[i], v.green[i], v.blue[i]};
         for (int c = 0; c < 3; ++c) {
           moved_[c][0][l] += flux[c] * tx;
@@ -239,8 +245,9 @@ constexpr std::uint32_t kProposals = 8;  // light samples of which one is asked
 
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
 
-// Irradiance from the lamps, weighted as propose_light does: of a few samples one is asked, drawn by what it would send if
-// nothing lay between (importance resampling, Talbot et al. 2005). Where there are many lamps that spares most noise.
+// Irradiance from the lamps, weighted as propose_light does: of a few samples one is asked, drawn by what it would send
+// if nothing lay between (importance resampling, Talbot et al. 2005). Where there are many lamps that spares most
+// noise.
 Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) noexcept {
   LightProposal proposals[kProposals];
   float sends[kProposals], total = 0.0f;
@@ -256,8 +263,8 @@ Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) n
   return total / kProposals * (proposals[k].E / sends[k]);
 }
 
-// Irradiance from all VPLs, clamped, by a few of one word drawn at random, each drawn by what it would send if nothing lay
-// between.
+// Irradiance from all VPLs, clamped, by a few of one word drawn at random, each drawn by what it would send if nothing
+// lay between.
 Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp, Packing packing,
                        Pcg32& random) noexcept {
   const auto words = static_cast<float>(vpls.words());
@@ -267,14 +274,11 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   const WordOfVpls v(vpls, word);
   alignas(64) float sends[kWord], flux[kWord];
   for (std::size_t i = 0; i < kWord; ++i) {
-    const float x = v.px[i] - at.p.x, y = v.py[i] - at.p.y, z = v.pz[i] - at.p.z;
-    const float d2 = x * x + y * y + z * z;
-    const float here = x * at.n.x + y * at.n.y + z * at.n.z;
-    const float surface = x * at.ng.x + y * at.ng.y + z * at.ng.z;
-    const float there = -(x * v.nx[i] + y * v.ny[i] + z * v.nz[i]);
-    const float G = here * there / (d2 * d2);
+    const ToVpl to(v, i, at.p, at.n);
+    const float surface = to.x * at.ng.x + to.y * at.ng.y + to.z * at.ng.z;
+    const float G = to.here * to.there / (to.d2 * to.d2);
     flux[i] = v.red[i] + v.green[i] + v.blue[i];
-    const bool facing = (here > 0.0f) & (surface > 0.0f) & (there > 0.0f);
+    const bool facing = (to.here > 0.0f) & (surface > 0.0f) & (to.there > 0.0f);
     sends[i] = facing ? (G < clamp ? G : clamp) * flux[i] : 0.0f;
   }
   float total = 0.0f;

@@ -8,10 +8,10 @@
 // met is estimated from the lamps, from a few VPLs, and by compensation in turn. All together are unbiased.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
-// bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced with
-// it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
-// traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no ray
-// and has bit 0. What stands still and what moves can be asked apart: the bits of a fresh evaluation are the "and".
+// bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced
+// with it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
+// traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no
+// ray and has bit 0. What stands still and what moves can be asked apart: the bits of a fresh evaluation are the "and".
 //
 // Costs: a shadow ray per slot above both horizons; about a nanosecond a slot beside them.
 #pragma once
@@ -53,8 +53,8 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                        Packing packing = Packing::exact) noexcept;
 
-/// How the same irradiance changes as the point moves in its tangent plane and as its normal turns, with each VPL seen or
-/// hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds counts as
+/// How the same irradiance changes as the point moves in its tangent plane and as its normal turns, with each VPL seen
+/// or hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds counts as
 /// constant. Finite.
 IrradianceGradients gradients_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                                    float clamp) noexcept;
@@ -82,12 +82,12 @@ inline constexpr std::uint32_t kMaxCompensation = 64;
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); to each surface met, six rays
-/// or so estimate the light that arrives there. Random numbers depend on the key alone; where neighbouring points have the
-/// same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); to each surface met, six
+/// rays or so estimate the light that arrives there. Random numbers depend on the key alone; where neighbouring points
+/// have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
-/// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the result
-/// is that of tracing all, bit for bit.
+/// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the
+/// result is that of tracing all, bit for bit.
 Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                         std::uint32_t count, std::uint64_t key, Packing packing = Packing::exact,
                         std::uint64_t which = ~std::uint64_t{0}) noexcept;

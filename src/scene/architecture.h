@@ -10,8 +10,8 @@
 
 namespace icbench {
 
-/// Round column: square plinth, Attic base, shaft with entasis, capital of two rings of leaves, abacus. `radius` is that
-/// of the shaft's foot.
+/// Round column: square plinth, Attic base, shaft with entasis, capital of two rings of leaves, abacus. `radius` is
+/// that of the shaft's foot.
 Parts column(float radius, float height, std::uint32_t stone);
 
 /// Slender engaged shaft with a simple base and capital, to stand in corners.
@@ -20,8 +20,8 @@ Parts colonnette(float radius, float height, std::uint32_t stone);
 /// Wall with openings through it.
 Mesh wall(const Polygon& outline, float thickness, std::span<const Polygon> openings = {});
 
-/// Outline of an arcade wall: `bays` half-round arches of this radius, `pitch` apart, centred on x = 0, between its foot
-/// on the springing line and its top; it reaches `overlap` beyond the outer bays.
+/// Outline of an arcade wall: `bays` half-round arches of this radius, `pitch` apart, centred on x = 0, between its
+/// foot on the springing line and its top; it reaches `overlap` beyond the outer bays.
 Polygon arcade(int bays, float pitch, float radius, float springing, float top, float overlap, int steps);
 
 /// Moulded band around the head of an arched opening, in front of a wall; its ends reach `stilt` below the springing.

@@ -1,5 +1,5 @@
-// Stanford bunnies that bounce in a room: 1, 2, 4 or 9 of one shape, as in the Bunnies animations of Dubla 2012, section
-// 6.3.2. Room, light and camera are the same for all, so that only the number of moving objects differs.
+// Stanford bunnies that bounce in a room: 1, 2, 4 or 9 of one shape, as in the Bunnies animations of Dubla 2012,
+// section 6.3.2. Room, light and camera are the same for all, so that only the number of moving objects differs.
 #include <array>
 #include <cmath>
 #include <numbers>

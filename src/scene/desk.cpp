@@ -1,5 +1,5 @@
-// A study: a desk with a monitor, a lamp, books and a mug on it, and a swivel chair that rolls about before it, as in the
-// Desk animation of Dubla 2012, section 6.3.2.
+// A study: a desk with a monitor, a lamp, books and a mug on it, and a swivel chair that rolls about before it, as in
+// the Desk animation of Dubla 2012, section 6.3.2.
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>

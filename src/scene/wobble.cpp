@@ -1,4 +1,5 @@
-// A column that a sine wave runs up, in a room: the deforming mesh of the Wobble animation of Dubla 2012, section 6.3.2.
+// A column that a sine wave runs up, in a room: the deforming mesh of the Wobble animation of Dubla 2012, section
+// 6.3.2.
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>

@@ -113,8 +113,8 @@ class LeakyTree : public WardTree<Sync> {
   }
 };
 
-/// A query reads the clock when it meets a record, instead of before the first list: what was stamped since is seen here
-/// and missed in the lists that it has left behind.
+/// A query reads the clock when it meets a record, instead of before the first list: what was stamped since is seen
+/// here and missed in the lists that it has left behind.
 struct LateClock {
   static constexpr bool kIsSnapshot = true;
 

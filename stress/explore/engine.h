@@ -1,8 +1,9 @@
 // Runs a small program of two to four threads under every schedule that matters, or under one schedule again.
 //
-// The threads are fibers of one thread of the system (stress/fibers.h). Whenever one is about to touch an atomic word, the
-// search decides who goes on; memory then answers by the model (stress/explore/memory.h). Code between two such steps
-// runs in one go: what it does to plain memory is either ordered with everything else, or reported as a data race.
+// The threads are fibers of one thread of the system (stress/fibers.h). Whenever one is about to touch an atomic word,
+// the search decides who goes on; memory then answers by the model (stress/explore/memory.h). Code between two such
+// steps runs in one go: what it does to plain memory is either ordered with everything else, or reported as a data
+// race.
 //
 // The state between executions is the program's own: `prepare` brings it back to where it began. A thread that is
 // abandoned in the middle (after a race, or when all wait for each other) leaves it as it is; `prepare` is told so.
@@ -46,7 +47,8 @@ class Engine {
   /// Fails with one line if the program is too large for the model.
   Coverage explore(const Program& program, const SearchOptions& options);
 
-  /// One execution by the rule of `encode` but for the deviations; nothing if they do not fit the program. Fills `trace`.
+  /// One execution by the rule of `encode` but for the deviations; nothing if they do not fit the program. Fills
+  /// `trace`.
   std::optional<Ending> replay(const Program& program, std::span<const Deviation> deviations,
                                std::vector<TraceLine>& trace);
 

@@ -54,8 +54,8 @@ std::size_t exploration_count(const ExploreOptions& options);
 /// Names of the caches that explore_all leaves out, but for those of one thread and the one that keeps nothing.
 std::vector<std::string> exempt_caches(const ExploreOptions& options);
 
-/// A replayed schedule in words: every step, the end, what is violated. An id is "cache:scenario:stamping:schedule". Fails
-/// with one line if there is no such schedule.
+/// A replayed schedule in words: every step, the end, what is violated. An id is "cache:scenario:stamping:schedule".
+/// Fails with one line if there is no such schedule.
 struct Replay {
   std::string text;
   bool is_violated = false;  ///< of what the cache promises, or a control must violate

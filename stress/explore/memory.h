@@ -1,10 +1,10 @@
 // What shared memory may answer under the C++20 memory model: release/acquire by views, executed step by step.
 //
 // Every location keeps all values stored to it, oldest first: its modification order, which is the order in which the
-// stores were executed. A load may read any of them that coherence does not hide from its thread, so it may be stale; an
-// acquire load that reads a release store, or a read-modify-write in the release sequence of one (C++20: the store and
-// the read-modify-writes that follow it without a break), takes over what the storing thread knew. Read-modify-writes
-// read the latest value. A failed compare-exchange is a load, and may fail by an old value.
+// stores were executed. A load may read any of them that coherence does not hide from its thread, so it may be stale;
+// an acquire load that reads a release store, or a read-modify-write in the release sequence of one (C++20: the store
+// and the read-modify-writes that follow it without a break), takes over what the storing thread knew.
+// Read-modify-writes read the latest value. A failed compare-exchange is a load, and may fail by an old value.
 //
 // Two accesses to plain memory, one of them a write, that nothing orders are a data race.
 //
@@ -13,8 +13,8 @@
 //   - a modification order that contradicts the order of execution: of two relaxed stores to one location, the one
 //     executed later is the later one.
 // What it does, though C++ does not demand it: seq_cst steps are acquire and release, and are ordered among each other
-// through one global view, whatever location they are on; that is stronger than C++, and stronger than what hardware does
-// where they mix with weaker steps. Nothing that ships uses them.
+// through one global view, whatever location they are on; that is stronger than C++, and stronger than what hardware
+// does where they mix with weaker steps. Nothing that ships uses them.
 #pragma once
 
 #include <algorithm>

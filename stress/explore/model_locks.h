@@ -11,7 +11,8 @@
 
 namespace icbench::stress::explore {
 
-/// Stands for any mutex, std::mutex, std::shared_mutex and oneTBB's spin_rw_mutex among them. For use inside executions only.
+/// Stands for any mutex, std::mutex, std::shared_mutex and oneTBB's spin_rw_mutex among them. For use inside executions
+/// only.
 class ModelMutex {
  public:
   void lock() noexcept { step(Access::Kind::lock, std::memory_order_acquire); }

@@ -1,8 +1,8 @@
-// Sync policies (core/sync.h) that put a structure into the hands of the engine: every step on an atomic word is a point
-// at which the schedule may change and an old value may be read.
+// Sync policies (core/sync.h) that put a structure into the hands of the engine: every step on an atomic word is a
+// point at which the schedule may change and an old value may be read.
 //
-// Outside an execution, at set-up and at rest, ModelAtomic is the std::atomic that it contains; memory of zero bytes is a
-// valid one, and its size is that of its value.
+// Outside an execution, at set-up and at rest, ModelAtomic is the std::atomic that it contains; memory of zero bytes is
+// a valid one, and its size is that of its value.
 #pragma once
 
 #include <atomic>

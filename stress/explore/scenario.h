@@ -1,8 +1,8 @@
 // Small programs on a cache that the explorer runs under every schedule, and what their answers are judged by.
 //
-// A scenario says what each thread does; all records and queries are at one place in a corner, so that a query looks into
-// one cell of each level and steps are few. Records come in three sizes: size 0 is kept in the root, 1 and 2 one and two
-// levels below, where nodes are installed on the way.
+// A scenario says what each thread does; all records and queries are at one place in a corner, so that a query looks
+// into one cell of each level and steps are few. Records come in three sizes: size 0 is kept in the root, 1 and 2 one
+// and two levels below, where nodes are installed on the way.
 //
 // Two ways of telling what preceded what:
 //

@@ -202,9 +202,9 @@ bool Search::is_race(unsigned event, std::uint8_t thread, const Step& step,
   return e.thread != thread && conflict(e, step) && e.ordinal > past.at[e.thread];
 }
 
-/// Lets a step of `thread`, which was or would be number `depth`, happen in the place of `event`: after those in between
-/// that do not depend on `event`. Of them all, any that depends on none of the others may begin; one such thread is enough
-/// (source sets: Abdulla, Aronis, Jonsson, Sagonas 2014).
+/// Lets a step of `thread`, which was or would be number `depth`, happen in the place of `event`: after those in
+/// between that do not depend on `event`. Of them all, any that depends on none of the others may begin; one such
+/// thread is enough (source sets: Abdulla, Aronis, Jonsson, Sagonas 2014).
 void Search::go_back(unsigned event, unsigned depth, std::uint8_t thread, const VectorClock& past) noexcept {
   Node& n = nodes_[event];
   const auto is_before = [](const Node& e, const VectorClock& p) { return e.ordinal <= p.at[e.thread]; };

@@ -1,10 +1,11 @@
 // Which schedules to run: a depth-first search over who steps next and what it reads, that runs one schedule of each
 // kind instead of all.
 //
-// Two schedules are of one kind if program order, what every load reads, and the order of the stores to each location are
-// the same: then every thread does the same in both, and the same races and answers come of it. So two neighbouring steps
-// of different threads may change places unless they are at one location and both write, or one reads what the other has
-// just written. (A load that read an older store may change places with a store: that store could not hide anything.)
+// Two schedules are of one kind if program order, what every load reads, and the order of the stores to each location
+// are the same: then every thread does the same in both, and the same races and answers come of it. So two neighbouring
+// steps of different threads may change places unless they are at one location and both write, or one reads what the
+// other has just written. (A load that read an older store may change places with a store: that store could not hide
+// anything.)
 //
 //   Without a bound: dynamic partial-order reduction (Flanagan and Godefroid 2005) with source sets (Abdulla, Aronis,
 //   Jonsson, Sagonas 2014) and sleep sets (Godefroid 1996). When a step o is done that could have preceded an earlier one,
@@ -19,9 +20,9 @@
 //   does not, so both are tried; no happens-before shortens the list of conflicts, any two steps at one location of which
 //   one may write are one, and nothing sleeps.
 //
-// A thread that waits in a loop (Sync::wait_turn) is left waiting: whatever it would do when it goes on, it also does in
-// the schedule in which it has not come to the loop before, because a turn of such a loop changes nothing. So only waits
-// that never end are of interest; the rest is cut short.
+// A thread that waits in a loop (Sync::wait_turn) is left waiting: whatever it would do when it goes on, it also does
+// in the schedule in which it has not come to the loop before, because a turn of such a loop changes nothing. So only
+// waits that never end are of interest; the rest is cut short.
 //
 // Both are compared with the search of all schedules in tests/stress_explore_test.cpp.
 #pragma once
@@ -57,8 +58,9 @@ struct Decision {
 };
 using Schedule = std::vector<Decision>;
 
-/// As text, short: "12t1.3r2" is twelve steps by the rule (the same thread as before, or the first that can go on if that
-/// cannot; the latest store), then thread 1 steps; three by the rule, then one that reads two stores before the latest.
+/// As text, short: "12t1.3r2" is twelve steps by the rule (the same thread as before, or the first that can go on if
+/// that cannot; the latest store), then thread 1 steps; three by the rule, then one that reads two stores before the
+/// latest.
 std::string encode(std::span<const Decision> schedule, std::span<const std::uint8_t> ruled_thread);
 
 /// A deviation from the rule, after `skip` steps that follow it.

@@ -10,8 +10,8 @@ namespace icbench::stress::explore {
 struct ExploreSubject {
   std::string_view name;
   CacheTraits traits;
-  /// nullptr where the engine has nothing to drive: the cache is for one thread, keeps nothing, or is built on a foreign
-  /// container.
+  /// nullptr where the engine has nothing to drive: the cache is for one thread, keeps nothing, or is built on a
+  /// foreign container.
   ScenarioOutcome (*explore)(const Scenario&, Stamping, const SearchOptions&, std::uint32_t stop_at);
   std::optional<ReplayOutcome> (*replay)(const Scenario&, Stamping, std::span<const Deviation>);
 };

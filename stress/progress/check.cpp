@@ -92,8 +92,8 @@ class ProgressCheck {
     if (account(type).fault.empty()) account(type).fault = line + scene_;
   }
 
-  /// Lets fibers [first, end) run in turns of `points` points until none can. After many turns, those become longer: one
-  /// that spins is found out sooner.
+  /// Lets fibers [first, end) run in turns of `points` points until none can. After many turns, those become longer:
+  /// one that spins is found out sooner.
   void let_run(unsigned first, unsigned end, std::uint64_t points) {
     std::uint64_t turns = 0;
     for (bool ran = true; ran;) {

@@ -1,4 +1,5 @@
-// Holds what a cache declares of its progress against its steps under adversarial schedules (stress/README.md, Progress).
+// Holds what a cache declares of its progress against its steps under adversarial schedules (stress/README.md,
+// Progress).
 #pragma once
 
 #include <array>

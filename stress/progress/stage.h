@@ -1,12 +1,12 @@
 // A stage: fibers whose atomic steps are counted, and between whose steps a schedule decides.
 //
 // A fiber on stage passes *points*: one before each of its atomic steps, one before and after its record memory is half
-// written, one where it has read a record's mark and not yet the record, and one after its operation's last step. At any
-// of them it can be left standing. A fiber that waits for another is on stage, but can only go on once somebody has
+// written, one where it has read a record's mark and not yet the record, and one after its operation's last step. At
+// any of them it can be left standing. A fiber that waits for another is on stage, but can only go on once somebody has
 // written; if nobody can, it is blocked.
 //
-// Everything is on one thread of the system, so a schedule is a number of points at a time, and the same numbers give the
-// same run again. Memory is sequentially consistent here: this counts steps, it does not explore weak memory.
+// Everything is on one thread of the system, so a schedule is a number of points at a time, and the same numbers give
+// the same run again. Memory is sequentially consistent here: this counts steps, it does not explore weak memory.
 #pragma once
 
 #include <cstdint>

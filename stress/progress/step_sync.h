@@ -1,8 +1,8 @@
 // Policies under which every atomic step of the shipping code is counted and may be the last of its fiber.
 //
-// StepSync and StepPlainSync stand for StdSync and PlainSync (core/sync.h): on a stage (progress/stage.h) each operation
-// on an atomic word is one step and a point; off it they are std::atomic. Memory that is about to be written is filled
-// with rubbish first, as memory half written would be.
+// StepSync and StepPlainSync stand for StdSync and PlainSync (core/sync.h): on a stage (progress/stage.h) each
+// operation on an atomic word is one step and a point; off it they are std::atomic. Memory that is about to be written
+// is filled with rubbish first, as memory half written would be.
 //
 // The spin lock and the node locks are the shipping code on these words. Locks of the standard library and of oneTBB
 // cannot be stopped between their steps; models that block in the same cases take their places:

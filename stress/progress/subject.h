@@ -25,8 +25,8 @@ class CountedCache {
   virtual void end_frame() = 0;
   virtual void prefault(std::uint32_t session, std::uint32_t n) noexcept = 0;
 
-  /// Most steps of an insert of `r`, and of a query that read lists of these extents; none if the cache does not promise
-  /// any.
+  /// Most steps of an insert of `r`, and of a query that read lists of these extents; none if the cache does not
+  /// promise any.
   virtual std::optional<std::uint64_t> insert_steps(const Record& r) const noexcept = 0;
   virtual std::optional<std::uint64_t> query_steps(std::span<const std::uint32_t> extents) const noexcept = 0;
   /// Most lists that a query reads.

@@ -9,8 +9,8 @@ namespace icbench::stress {
 namespace {
 
 constexpr std::uint32_t kCapacity = 1 << 16;
-// Of a pool made short: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left is
-// less than a piece and, by the choice of the capacity, enough for two deep inserts into Ward's tree.
+// Of a pool made short: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left
+// is less than a piece and, by the choice of the capacity, enough for two deep inserts into Ward's tree.
 constexpr std::uint32_t kShortCapacity = 8 * kTicketBatch + 1, kHoarders = 10, kLargestHoard = 1 << 15;
 
 CacheConfig config_for(std::uint32_t sessions, bool is_pool_short) {
