@@ -13,6 +13,7 @@
 #include "render/path.h"
 #include "render_support.h"
 #include "scene/registry.h"
+#include "scene/shapes.h"
 
 namespace icbench {
 
@@ -210,12 +211,14 @@ class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> 
     std::vector<Record> records;
   };
 
-  static Run run(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t gather_rays, float a) {
+  static Run run(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t gather_rays, float a,
+                 bool leak_guard = false) {
     ThreadCrew crew(rays, 1);
     PassSetup setup{rays, crew, primary.width, primary.height};
     setup.gather_rays = gather_rays;
     setup.a = a;
     setup.interpolation = GetParam().level;
+    setup.leak_guard = leak_guard;
     const auto source = make_irradiance_cache(setup);
     source->begin_frame({}, crew);
     ListSession session{.bounds = rays.scene().bounds, .a = search_reach(GetParam().level) * a};
@@ -231,35 +234,41 @@ class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> 
 TEST_P(RenderInterpolation, TheFurnaceStaysWhite) {
   const RayTracer rays(make_scene("white_furnace"));
   const PrimaryHits primary = primary_hits(rays, 24, 24);
-  const Run made = run(rays, primary, 1024, 0.3f);
-  EXPECT_GT(made.use.hits, made.use.queries / 4) << "hardly anything was interpolated";
-  Estimate all, records;
-  for (const glm::vec3& L : made.indirect.pixels) all.add(L.x / (kRho * kRho));
-  for (const Record& r : made.records) records.add(r.E.x * kRho / kPi / (kRho * kRho));
-  EXPECT_NEAR(all.mean(), 1.0, 4.0 * records.error());
-  EXPECT_LT(records.error(), 0.01) << "too few records to tell";
+  for (const bool guard : {false, true}) {
+    const Run made = run(rays, primary, 1024, 0.3f, guard);
+    EXPECT_GT(made.use.hits, made.use.queries / 4) << "hardly anything was interpolated";
+    Estimate all, records;
+    for (const glm::vec3& L : made.indirect.pixels) all.add(L.x / (kRho * kRho));
+    for (const Record& r : made.records) records.add(r.E.x * kRho / kPi / (kRho * kRho));
+    EXPECT_NEAR(all.mean(), 1.0, 4.0 * records.error()) << guard;
+    EXPECT_LT(records.error(), 0.01) << "too few records to tell";
+  }
 }
 
 TEST_P(RenderInterpolation, ThePictureIsThatOfAGatherInEveryPixel) {
   const RayTracer rays(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(rays, 24, 24);
-  const Run made = run(rays, primary, 1024, 0.2f);
+  const Run made[] = {run(rays, primary, 1024, 0.2f), run(rays, primary, 1024, 0.2f, true)};
   const Strata strata = Strata::for_rays(1024);
   Tracer tracer(rays);
-  double sum = 0.0, exact = 0.0, square = 0.0;
+  double sum[2] = {}, exact = 0.0, square[2] = {};
   for (std::size_t i = 0; i < primary.hits.size(); ++i) {
-    const glm::vec3& L = made.indirect.pixels[i];
-    ASSERT_TRUE(L.x >= 0.0f && L.y >= 0.0f && L.z >= 0.0f && std::isfinite(L.x + L.y + L.z));
-    if (!reflects(rays, primary.hits[i])) continue;
-    const glm::vec3 anew =
-        reflected_radiance(rays, primary.hits[i], gather(tracer, primary.hits[i], strata, i).E);
-    sum += L.y;
+    glm::vec3 anew(0.0f);
+    if (reflects(rays, primary.hits[i]))
+      anew = reflected_radiance(rays, primary.hits[i], gather(tracer, primary.hits[i], strata, i).E);
     exact += anew.y;
-    square += (L.y - anew.y) * (L.y - anew.y);
+    for (const bool guard : {false, true}) {
+      const glm::vec3& L = made[guard].indirect.pixels[i];
+      ASSERT_TRUE(L.x >= 0.0f && L.y >= 0.0f && L.z >= 0.0f && std::isfinite(L.x + L.y + L.z));
+      sum[guard] += L.y;
+      square[guard] += (L.y - anew.y) * (L.y - anew.y);
+    }
   }
   const auto pixels = static_cast<double>(primary.hits.size());
-  EXPECT_NEAR(sum / exact, 1.0, 0.015);
-  EXPECT_LT(std::sqrt(square / pixels), 0.15 * exact / pixels);
+  for (const bool guard : {false, true}) {
+    EXPECT_NEAR(sum[guard] / exact, 1.0, 0.015) << guard;
+    EXPECT_LT(std::sqrt(square[guard] / pixels), 0.15 * exact / pixels) << guard;
+  }
 }
 
 TEST_P(RenderInterpolation, LightOfAnyBrightnessGivesThePicture) {
@@ -275,6 +284,67 @@ TEST_P(RenderInterpolation, LightOfAnyBrightnessGivesThePicture) {
     ASSERT_EQ(other.records.size(), made.records.size());
     for (std::size_t i = 0; i < made.indirect.pixels.size(); ++i)
       ASSERT_FLOAT_EQ(other.indirect.pixels[i].y / factor, made.indirect.pixels[i].y) << exponent;
+  }
+}
+
+// A room open to the front, lit by way of its back wall. On the right half of its floor lies a flat black box, open to
+// the front too, with thin walls; its left wall ends `gap` above the floor. What light there is inside came through that.
+Scene room_with_box(float gap) {
+  constexpr float kLid = 0.08f;
+  Scene s;
+  s.name = "room_with_box";
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  const auto grey = s.add_material({.albedo = glm::vec3(0.1f)});
+  s.meshes.push_back(quad("floor", {-1, 0, -1}, {0, 0, 1}, {2, 0, 0}, white));
+  s.meshes.push_back(quad("ceiling", {-1, 1, -1}, {0, 0, 1}, {2, 0, 0}, white));
+  s.meshes.push_back(quad("back", {-1, 0, -1}, {2, 0, 0}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("left", {-1, 0, -1}, {0, 0, 1}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("right", {1, 0, -1}, {0, 0, 1}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("lid", {0, kLid, -1}, {0, 0, 1}, {1, 0, 0}, grey));
+  s.meshes.push_back(quad("wall", {0, gap, -1}, {0, 0, 1}, {0, kLid - gap, 0}, grey));
+  s.point_lights.push_back({.p = {-0.3f, 0.5f, 2},
+                            .intensity = glm::vec3(100.0f),
+                            .axis = {0, 0, -1},
+                            .cos_inner = 0.996f,
+                            .cos_outer = 0.995f});
+  s.camera = {.eye = {0, 0.3f, 3}, .target = {0, 0, -0.45f}, .up = {0, 1, 0}, .fov_y = 0.02f};
+  return s;
+}
+
+// Guards against: records beside a wall that shine through it, and those behind it that darken what is in front.
+TEST_P(RenderInterpolation, TheGuardStopsLeaksThroughAThinWall) {
+  constexpr float kA = 0.6f;
+  for (const float gap : {0.0f, 0.005f}) {
+    const RayTracer rays(room_with_box(gap));
+    const PrimaryHits primary = primary_hits(rays, 56, 8);
+    const Strata strata = Strata::for_rays(256);
+    Tracer tracer(rays);
+    std::vector<float> exact;
+    for (std::size_t i = 0; i < primary.hits.size(); ++i) {
+      ASSERT_TRUE(reflects(rays, primary.hits[i]));
+      exact.push_back(
+          reflected_radiance(rays, primary.hits[i], gather(tracer, primary.hits[i], strata, i).E).y);
+    }
+    double inside[2] = {}, outside[2] = {};  // RMS error, without the guard and with it
+    for (const bool guard : {false, true}) {
+      const Run made = run(rays, primary, 256, kA, guard);
+      for (std::size_t i = 0; i < exact.size(); ++i)
+        (primary.hits[i].p.x > 0.0f ? inside : outside)[guard] +=
+            std::pow(made.indirect.pixels[i].y - exact[i], 2.0f);
+      EXPECT_EQ(made.use.leaks.stopped > 0, guard);
+      EXPECT_LE(made.use.leaks.stopped, made.use.leaks.rays);
+    }
+    for (double* error : {inside, outside})
+      for (const bool guard : {false, true})
+        error[guard] = std::sqrt(error[guard] / (0.5 * static_cast<double>(exact.size())));
+    std::printf(
+        "%s, wall %g m above the floor: RMS error behind it %.2g, %.2g with the guard; before it %.2g, "
+        "%.2g\n",
+        std::string(GetParam().name).c_str(), static_cast<double>(gap), inside[false], inside[true],
+        outside[false], outside[true]);
+    EXPECT_GT(inside[false], 0.02) << "nothing leaks";
+    EXPECT_LT(inside[true], (gap > 0.0f ? 0.3 : 0.05) * inside[false]);
+    EXPECT_LT(outside[true], 1.2 * outside[false]);
   }
 }
 

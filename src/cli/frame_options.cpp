@@ -47,6 +47,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_text("--interpolation", o.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");
+  app->add_flag("--leak-guard", o.leak_guard,
+                "irradiance_cache: test by short rays that no thin wall stands\nbefore a record");
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
@@ -68,6 +70,9 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     throw std::runtime_error(fmt::format("--interpolation {}: {} knows {}", o.interpolation, o.integrator,
                                          fmt::join(known, " and ")));
   }
+  if (o.leak_guard && integrator.uses_vpls && integrator.needs_cache())
+    throw std::runtime_error(
+        fmt::format("--leak-guard: {} gathers no hemisphere; irradiance_cache does", o.integrator));
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
   const Placement placement = placement_of(o.placement);
@@ -103,7 +108,8 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          o.seed,
                                                          {},
                                                          o.cell_size,
-                                                         o.paths});
+                                                         o.paths,
+                                                         o.leak_guard});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
 }
 
@@ -130,6 +136,7 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["vpls"] = r.vpls;
   } else if (r.integrator.needs_cache()) {
     j["rays_per_record"] = r.gather;
+    j["leak_guard"] = r.leak_guard;
   }
   return j;
 }
@@ -151,6 +158,10 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["bytes_beside_cache"] = p.bytes_beside_cache;
     j["lock_wait_share"] =
         1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
+    if (!integrator.uses_vpls) {
+      j["leak_tests"] = p.use.leaks.rays;
+      j["leaks_stopped"] = p.use.leaks.stopped;
+    }
   }
   if (integrator.uses_cells) {
     j["cells"] = p.records;

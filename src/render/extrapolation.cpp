@@ -60,6 +60,7 @@ std::uint32_t RecordDetails::draft(unsigned thread) {
     const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
     if (b >= blocks_.size()) return kNone;
     if (!blocks_[b]) blocks_[b] = std::make_unique<RecordDetail[]>(kBlock);
+    if (have_marks() && !marks_[b]) marks_[b] = std::make_unique<LeakMarks[]>(kBlock);
     purse = {b * kBlock, (b + 1) * kBlock};
   }
   return purse.next;
@@ -73,7 +74,8 @@ void RecordDetails::clear() noexcept {
 std::size_t RecordDetails::bytes() const noexcept {
   const auto taken =
       std::count_if(blocks_.begin(), blocks_.end(), [](const auto& block) { return block != nullptr; });
-  return static_cast<std::size_t>(taken) * kBlock * sizeof(RecordDetail);
+  const std::size_t each = sizeof(RecordDetail) + (have_marks() ? sizeof(LeakMarks) : 0);
+  return static_cast<std::size_t>(taken) * kBlock * each;
 }
 
 RecordShaper::RecordShaper(Interpolation level, float a, const Bounds& bounds, const RadiusLimits& limits,
@@ -135,6 +137,20 @@ float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance
   detail.inverse_major = 1.0f / large_reach;
   detail.inverse_minor = 1.0f / small_reach;
   return large_reach / a_;
+}
+
+void GuardedSum::judge_suspects() noexcept {
+  if (suspects_ == 0) return;
+  std::array<bool, kLeakPacket> stopped;
+  tracer_.occluded({rays_.data(), suspects_}, {stopped.data(), suspects_});
+  for (std::uint32_t i = 0; i < suspects_; ++i) {
+    if (stopped[i])
+      ++tests_.stopped;
+    else
+      sum_.add(held_[i]);
+  }
+  tests_.rays += suspects_;
+  suspects_ = 0;
 }
 
 }  // namespace icbench

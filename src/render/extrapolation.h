@@ -41,6 +41,7 @@
 #include "core/sync.h"
 #include "core/types.h"
 #include "render/hemisphere.h"
+#include "render/leak_guard.h"
 #include "scene/scene.h"
 
 namespace icbench {
@@ -109,9 +110,9 @@ class RecordDetails {
   static constexpr std::uint32_t kBlock = 64;
   static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
 
-  /// For `capacity` records at least, drawn by `threads` threads.
-  RecordDetails(std::uint32_t capacity, unsigned threads)
-      : blocks_(capacity / kBlock + threads + 1), purses_(threads) {}
+  /// For `capacity` records at least, drawn by `threads` threads; with marks for the guard against leaks or without.
+  RecordDetails(std::uint32_t capacity, unsigned threads, bool marked = false)
+      : blocks_(capacity / kBlock + threads + 1), marks_(marked ? blocks_.size() : 0), purses_(threads) {}
 
   /// The id of the record that this thread makes next; the same until keep().
   std::uint32_t draft(unsigned thread);
@@ -120,6 +121,13 @@ class RecordDetails {
   RecordDetail& operator[](std::uint32_t id) noexcept { return blocks_[id / kBlock][id % kBlock]; }
   const RecordDetail& operator[](std::uint32_t id) const noexcept {
     return blocks_[id / kBlock][id % kBlock];
+  }
+
+  bool have_marks() const noexcept { return !marks_.empty(); }
+  LeakMarks& marks(std::uint32_t id) noexcept { return marks_[id / kBlock][id % kBlock]; }
+  /// Those of kNone, too.
+  const LeakMarks& marks(std::uint32_t id) const noexcept {
+    return id == kNone ? kMarkedEverywhere : marks_[id / kBlock][id % kBlock];
   }
 
   /// Makes room for the details of an id that another table gave to this thread, in blocks of kBlock as here.
@@ -140,6 +148,7 @@ class RecordDetails {
   };
 
   std::vector<std::unique_ptr<RecordDetail[]>> blocks_;  // each written by the thread that drew it
+  std::vector<std::unique_ptr<LeakMarks[]>> marks_;      // likewise; empty where nothing guards against leaks
   std::vector<Purse> purses_;
   alignas(kNoSharing) std::atomic<std::uint32_t> next_block_{0};
 };
@@ -189,6 +198,31 @@ struct RecordShapes {
   bool clamps_to_neighbours() const noexcept { return shaper.level() == Interpolation::neighbour_clamping; }
 };
 
+/// What a record brings to a point.
+struct Contribution {
+  Irradiance E;
+  float w;  ///< weight; the record counts if it is above 0
+};
+
+/// Sums contributions to their weighted mean.
+class ContributionSum {
+ public:
+  void add(const Contribution& c) noexcept {
+    weighted_ += c.w * c.E;
+    weights_ += c.w;
+  }
+
+  /// nullopt exactly when nothing was added.
+  std::optional<Irradiance> result() const noexcept {
+    if (!(weights_ > 0.0f)) return std::nullopt;
+    return weighted_ / weights_;
+  }
+
+ private:
+  Irradiance weighted_{0.0f};
+  float weights_ = 0.0f;
+};
+
 /// Sums what records extrapolate to one point.
 class Extrapolator {
  public:
@@ -200,10 +234,16 @@ class Extrapolator {
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
   void operator()(const Record& r, float weight) noexcept {
-    if (r.id == RecordDetails::kNone) {  // there was no room for its details: valid as the split sphere says
-      if (weight > inverse_a_) add(r.E, elliptic_ ? 1.0f - inverse_a_ / weight : weight - inverse_a_);
-      return;
-    }
+    if (const Contribution c = of(r, weight); c.w > 0.0f) sum_.add(c);
+  }
+
+  /// nullopt exactly when no record was valid.
+  std::optional<Irradiance> result() const noexcept { return sum_.result(); }
+
+  /// What one record brings.
+  Contribution of(const Record& r, float weight) const noexcept {
+    if (r.id == RecordDetails::kNone)  // there was no room for its details: valid as the split sphere says
+      return {r.E, elliptic_ ? 1.0f - inverse_a_ / weight : weight - inverse_a_};
     const RecordDetail& detail = details_[r.id];
     const glm::vec3 d = x_.p - r.p;
     float w;
@@ -217,7 +257,7 @@ class Extrapolator {
     } else {
       w = weight - inverse_a_;
     }
-    if (!(w > 0.0f)) return;
+    if (!(w > 0.0f)) return {r.E, 0.0f};
     const glm::vec3 turn = glm::cross(r.n, x_.n);
     glm::vec3 E = r.E;
     for (int c = 0; c < 3; ++c) {
@@ -226,28 +266,62 @@ class Extrapolator {
               glm::dot(detail.gradients.rotational[channel], turn);
       E[c] = std::clamp(E[c], 0.0f, kMaxIrradiance);
     }
-    add(E, w);
-  }
-
-  /// nullopt exactly when no record was valid.
-  std::optional<Irradiance> result() const noexcept {
-    if (!(weights_ > 0.0f)) return std::nullopt;
-    return weighted_ / weights_;
+    return {E, w};
   }
 
  private:
   static float square(float x) noexcept { return x * x; }
-  void add(const Irradiance& E, float w) noexcept {
-    weighted_ += w * E;
-    weights_ += w;
-  }
 
   const RecordDetails& details_;
   SurfacePoint x_;
   float inverse_a_;
   bool elliptic_;
-  Irradiance weighted_{0.0f};
-  float weights_ = 0.0f;
+  ContributionSum sum_;
+};
+
+/// Sums what records bring to one point as the level of `shapes` has it, but for those behind something
+/// (render/leak_guard.h). Suspects wait until there are kLeakPacket of them, or no more records: rays are traced while a
+/// cache is being visited, hence perhaps locked, only at points where many are valid.
+class GuardedSum {
+ public:
+  GuardedSum(const RecordShapes& shapes, Tracer& tracer, const SurfacePoint& x, LeakTests& tests) noexcept
+      : shapes_(shapes),
+        extrapolates_(extrapolates(shapes.shaper.level())),
+        extrapolator_(shapes, x),
+        tracer_(tracer),
+        x_(x),
+        tests_(tests) {}
+
+  /// As those of Extrapolator, or at lower levels of Interpolator.
+  void operator()(const Record& r, float weight) noexcept {
+    const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight};
+    if (!(c.w > 0.0f)) return;
+    if (!is_suspect(x_, r, shapes_.details.marks(r.id))) {
+      sum_.add(c);
+      return;
+    }
+    rays_[suspects_] = leak_ray(tracer_.shared(), x_, r);
+    held_[suspects_++] = c;
+    if (suspects_ == kLeakPacket) judge_suspects();
+  }
+  std::optional<Irradiance> result() noexcept {
+    judge_suspects();
+    return sum_.result();
+  }
+
+ private:
+  void judge_suspects() noexcept;
+
+  const RecordShapes& shapes_;
+  bool extrapolates_;
+  Extrapolator extrapolator_;
+  Tracer& tracer_;
+  SurfacePoint x_;
+  LeakTests& tests_;
+  ContributionSum sum_;
+  std::uint32_t suspects_ = 0;
+  std::array<Ray, kLeakPacket> rays_;
+  std::array<Contribution, kLeakPacket> held_;
 };
 
 }  // namespace icbench

@@ -41,7 +41,8 @@ std::unique_ptr<IndirectPass> make_whitted(const PassSetup&) { return std::make_
 std::unique_ptr<IndirectPass> make_path(const PassSetup&) { return std::make_unique<PathPass>(); }
 
 std::unique_ptr<RecordSource> make_irradiance_cache(const PassSetup& s) {
-  if (s.interpolation != Interpolation::split_sphere) return std::make_unique<ShapedHemisphereSource>(s);
+  if (s.interpolation != Interpolation::split_sphere || s.leak_guard)
+    return std::make_unique<ShapedHemisphereSource>(s);
   return std::make_unique<HemisphereSource>(Strata::for_rays(s.gather_rays),
                                             radius_limits(s.rays.scene().bounds),
                                             RecordNames(s.rays.scene(), s.width, s.height));

@@ -10,7 +10,7 @@ RecordShapes make_shapes(const PassSetup& s) {
   const Bounds& bounds = s.rays.scene().bounds;
   const auto pixels = static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height);
   return {RecordShaper(s.interpolation, s.a, bounds, radius_limits(bounds), s.height),
-          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size())};
+          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size(), s.leak_guard)};
 }
 
 namespace {
@@ -48,7 +48,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
                                         const SampleKey& key) noexcept {
   const RecordShaper& shaper = shapes_.shaper;
   const std::uint64_t of_hit = x.key(key, Purpose::gather);
-  if (!extrapolates(shaper.level())) {
+  if (!has_details()) {
     const GatherResult g = gather(tracer, x.hit, strata_, of_hit);
     return {x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, names_(x, key)};
   }
@@ -56,16 +56,20 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
   const GatherResult g = gather(tracer, x.hit, strata_, of_hit, w.seen);
   Record record{x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, shapes_.details.draft(thread)};
   if (record.id == RecordDetails::kNone) return record;
-  RecordDetail& detail = shapes_.details[record.id];
-  detail.gradients = gradients_of(w.seen, rays_.epsilon());
-  record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
-                                         : shaper.radius(record.p, g.R, g.E, detail.gradients);
-  restrain(detail.gradients, record.E, record.R);
+  if (extrapolates(shaper.level())) {
+    RecordDetail& detail = shapes_.details[record.id];
+    detail.gradients = gradients_of(w.seen, rays_.epsilon());
+    record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
+                                           : shaper.radius(record.p, g.R, g.E, detail.gradients);
+    restrain(detail.gradients, record.E, record.R);
+  }
+  if (shapes_.details.have_marks())
+    shapes_.details.marks(record.id) = leak_marks(w.seen, shaper.a() * record.R);
   return record;
 }
 
 void ShapedHemisphereSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
-  if (!extrapolates(shapes_.shaper.level())) return;
+  if (!has_details()) return;
   if (result == InsertResult::inserted && record.id != RecordDetails::kNone) shapes_.details.keep(thread);
 }
 

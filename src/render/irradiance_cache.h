@@ -66,8 +66,9 @@ class HemisphereSource final : public RecordSource {
 /// For the records of a pass at its level of interpolation.
 RecordShapes make_shapes(const PassSetup& setup);
 
-/// The same at the other levels of interpolation: with gradients, and radii as the level says. Ids are those of
-/// RecordDetails where records are extrapolated, else of RecordNames.
+/// The same at the other levels of interpolation: with gradients, and radii as the level says; at all of them with a
+/// guard against leaks, if asked for. Ids are those of RecordDetails where records are extrapolated or guarded, else of
+/// RecordNames.
 class ShapedHemisphereSource final : public RecordSource {
  public:
   explicit ShapedHemisphereSource(const PassSetup& setup);
@@ -75,15 +76,17 @@ class ShapedHemisphereSource final : public RecordSource {
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
-  RecordShapes* shapes() noexcept override {
-    return extrapolates(shapes_.shaper.level()) ? &shapes_ : nullptr;
-  }
+  RecordShapes* shapes() noexcept override { return has_details() ? &shapes_ : nullptr; }
   void report(PassFigures& figures) const noexcept override;
 
  private:
   struct alignas(kNoSharing) Worker {
     Hemisphere seen;
   };
+
+  bool has_details() const noexcept {
+    return extrapolates(shapes_.shaper.level()) || shapes_.details.have_marks();
+  }
 
   const RayTracer& rays_;
   Strata strata_;
@@ -115,6 +118,15 @@ std::optional<Irradiance> query_extrapolating(Session& session, const RecordShap
   return sum.result();
 }
 
+/// Asks the cache, and leaves out the records that the guard against leaks stops. Counts rays in `tracer`.
+template <class Session>
+std::optional<Irradiance> query_guarded(Session& session, const RecordShapes& shapes, Tracer& tracer,
+                                        const SurfacePoint& x, LeakTests& tests) noexcept {
+  GuardedSum sum(shapes, tracer, x, tests);
+  session.visit(x, [&](const Record& r, float weight) noexcept { sum(r, weight); });
+  return sum.result();
+}
+
 /// R that the neighbours allow a new record (Krivanek et al. 2006): R_j + |p - p_j| of every record the cache finds.
 template <class Session>
 float clamped_to_neighbours(Session& session, const Record& record) noexcept {
@@ -136,6 +148,7 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
   const auto ask = [&](const SurfacePoint& at) noexcept {
     if (shapes == nullptr)
       return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
+    if (shapes->details.have_marks()) return query_guarded(session, *shapes, tracer, at, use.leaks);
     return telling ? query_telling(session, source, at, Extrapolator(*shapes, at))
                    : query_extrapolating(session, *shapes, at);
   };

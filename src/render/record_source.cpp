@@ -22,6 +22,7 @@ CacheUse& CacheUse::operator+=(const CacheUse& o) noexcept {
   inserts += o.inserts;
   full += o.full;
   rejected += o.rejected;
+  leaks += o.leaks;
   return *this;
 }
 

@@ -23,6 +23,7 @@ struct CacheUse {
   std::uint64_t inserts = 0;   ///< accepted
   std::uint64_t full = 0;      ///< refused: out of capacity
   std::uint64_t rejected = 0;  ///< refused: not storable
+  LeakTests leaks;             ///< of the guard, where there is one
 
   void count(InsertResult result) noexcept;
   CacheUse& operator+=(const CacheUse& o) noexcept;

@@ -9,8 +9,8 @@ namespace icbench {
 namespace {
 
 std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
-  const PassSetup setup{r.rays,          crew,   r.width,     r.height, r.gather, r.vpls, r.a,
-                        r.interpolation, r.seed, r.cell_size, r.paths};
+  const PassSetup setup{r.rays,          crew,   r.width,     r.height, r.gather,    r.vpls, r.a,
+                        r.interpolation, r.seed, r.cell_size, r.paths,  r.leak_guard};
   if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
   CachedPassSetup cached;

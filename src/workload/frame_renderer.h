@@ -34,6 +34,7 @@ struct FrameRequest {
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
   float cell_size = 8.0f;                                ///< hash_cells: edge of a cell, pixels
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
+  bool leak_guard = false;  ///< irradiance_cache: against leaks through thin walls
 };
 
 /// What a frame cost.

@@ -1,0 +1,86 @@
+// A guard against light leaks: a record does not count where something stands between it and the point that asks.
+//
+// What leaks. A record's radius is a mean over all that it sees. Where little of that is near, as on a floor beside a
+// low or thin wall, the region in which it is valid reaches through the wall, and the light of one side is interpolated
+// to the other. No accuracy prevents it: radii have lower limits.
+//
+// The guard (the idea is that of Radiance's ambient cache by G. Ward, src/rt/ambcomp.c and ambient.c: flags of
+// directions with each value, and a short ray where they warn). When a record is gathered, its tangent plane is divided
+// into kLeakSectors sectors. Those are marked into which a ray went low, less than 45 degrees above the plane, and met
+// something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a query
+// the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met so.
+// Elsewhere it counts only after a ray from the point to the record meets nothing. Its ends are lifted off the surfaces
+// by the tracer's epsilon and by shares of their distance: the point's by kLeakLift, so that what is lower than that
+// stops nothing, and the record's by kLeakRise, so that a slit under a wall lets nothing through unless the point lies
+// close behind it.
+//
+// What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
+// lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.
+//
+// Costs: nothing when off. 8 bytes a record; at a query one comparison for a record that has marked nothing, and one
+// ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query are
+// those of its visit and a ray for each record visited.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <numbers>
+
+#include "core/types.h"
+#include "render/hemisphere.h"
+#include "render/ray_tracer.h"
+
+namespace icbench {
+
+inline constexpr std::uint32_t kLeakSectors = 32;  ///< a bit each
+inline constexpr float kLeakLift = 0.05f;          ///< of the distance
+inline constexpr float kLeakRise = 0.25f;          ///< of the distance
+inline constexpr std::uint32_t kLeakPacket = 16;   ///< rays
+
+/// Where something stands around a record, by azimuth in the basis of its normal.
+struct LeakMarks {
+  std::uint32_t sectors =
+      0;  ///< bit i: between the angles 2 pi i / kLeakSectors and 2 pi (i + 1) / kLeakSectors
+  float nearest = std::numeric_limits<float>::infinity();  ///< along the tangent plane, metres
+};
+
+/// What is taken for the marks of a record of which nothing is known.
+inline constexpr LeakMarks kMarkedEverywhere{~0u, 0.0f};
+
+/// The marks of a record that is valid to the distance `reach`, metres, by what its gather saw.
+LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept;
+
+/// What a guard did.
+struct LeakTests {
+  std::uint64_t rays = 0;     ///< traced, one a record and query
+  std::uint64_t stopped = 0;  ///< of those, that met something
+
+  LeakTests& operator+=(const LeakTests& o) noexcept {
+    rays += o.rays;
+    stopped += o.stopped;
+    return *this;
+  }
+};
+
+/// Whether only a ray can tell that light at the record `r` is light at the point.
+inline bool is_suspect(const SurfacePoint& x, const Record& r, const LeakMarks& marks) noexcept {
+  const glm::vec3 d = x.p - r.p;
+  if (!(glm::dot(d, d) > marks.nearest * marks.nearest)) return false;
+  const Basis basis(r.n);
+  const float turns =
+      std::atan2(glm::dot(d, basis.t), glm::dot(d, basis.s)) * (0.5f * std::numbers::inv_pi_v<float>);
+  const auto sector = static_cast<std::int32_t>(std::floor(turns * kLeakSectors));  // from -kLeakSectors / 2
+  return (marks.sectors >> (static_cast<std::uint32_t>(sector) % kLeakSectors) & 1u) != 0;
+}
+
+/// The ray that tells; nothing lies on it: the record counts.
+inline Ray leak_ray(const RayTracer& rays, const SurfacePoint& x, const Record& r) noexcept {
+  const float distance = glm::distance(x.p, r.p);
+  const glm::vec3 from = rays.leave(x.p, x.n) + kLeakLift * distance * x.n;
+  const glm::vec3 to = rays.leave(r.p, r.n) + kLeakRise * distance * r.n;
+  return {from, 1.0f, to - from};
+}
+
+}  // namespace icbench
