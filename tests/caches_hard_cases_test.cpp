@@ -7,6 +7,7 @@
 
 #include "cache_contract.h"
 #include "core/octree.h"
+#include "trap_invalid.h"
 
 namespace icbench {
 namespace {

@@ -14,6 +14,7 @@
 #include "core/interpolation.h"
 #include "judged_estimates.h"
 #include "scene/registry.h"
+#include "trap_invalid.h"
 
 namespace icbench {
 namespace {

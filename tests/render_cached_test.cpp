@@ -2,11 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
-#include <optional>
-#include <ostream>
 #include <vector>
 
+#include "cached_runs.h"
 #include "core/interpolation.h"
 #include "render/gather.h"
 #include "render/irradiance_cache.h"
@@ -14,38 +12,11 @@
 #include "render_support.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
+#include "trap_invalid.h"
 
 namespace icbench {
 
-static void PrintTo(const InterpolationEntry& entry, std::ostream* out) { *out << entry.name; }
-
 namespace {
-
-// A list of records, for one thread.
-class ListSession {
- public:
-  template <class F>
-  void visit(const SurfacePoint& x, F&& f) noexcept {
-    for (const Record& r : records)
-      if (const float w = split_sphere_weight(x, r, a); w > 0.0f) f(r, w);
-  }
-  std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
-    Interpolator sum;
-    visit(x, sum);
-    return sum.result();
-  }
-  InsertResult insert(const Record& r) noexcept {
-    if (!is_storable(r, bounds)) return InsertResult::rejected;
-    if (records.size() == capacity) return InsertResult::full;
-    records.push_back(r);
-    return InsertResult::inserted;
-  }
-
-  Bounds bounds;
-  float a = 0.3f;
-  std::size_t capacity = std::numeric_limits<std::size_t>::max();
-  std::vector<Record> records{};
-};
 
 struct CachedRun {
   Image indirect;
@@ -202,32 +173,14 @@ TEST(RenderExtrapolation, ARecordWithoutDetailsCountsNoFartherThanItsAccuracy) {
   }
 }
 
-// At each level of interpolation, by two threads through the simplest cache of all.
+// At each level of interpolation, through the simplest cache of all.
 class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> {
  protected:
-  struct Run {
-    Image indirect;
-    CacheUse use;
-    std::vector<Record> records;
-  };
-
-  static Run run(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t gather_rays, float a,
-                 bool leak_guard = false) {
-    ThreadCrew crew(rays, 1);
-    PassSetup setup{rays, crew, primary.width, primary.height};
-    setup.gather_rays = gather_rays;
-    setup.a = a;
-    setup.interpolation = GetParam().level;
-    setup.leak_guard = leak_guard;
-    const auto source = make_irradiance_cache(setup);
-    source->begin_frame({}, crew);
-    ListSession session{.bounds = rays.scene().bounds, .a = search_reach(GetParam().level) * a};
-    Run out{blank(primary.width, primary.height), {}, {}};
-    Tracer tracer(rays);
-    for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
-      irradiance_cache_tile(session, *source, 0, tracer, primary, {}, tile, out.indirect, out.use);
-    out.records = std::move(session.records);
-    return out;
+  static LevelRun run(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t gather_rays, float a,
+                      bool leak_guard = false) {
+    return run_level(
+        rays, primary,
+        {.level = GetParam().level, .gather_rays = gather_rays, .a = a, .leak_guard = leak_guard});
   }
 };
 
@@ -235,7 +188,7 @@ TEST_P(RenderInterpolation, TheFurnaceStaysWhite) {
   const RayTracer rays(make_scene("white_furnace"));
   const PrimaryHits primary = primary_hits(rays, 24, 24);
   for (const bool guard : {false, true}) {
-    const Run made = run(rays, primary, 1024, 0.3f, guard);
+    const LevelRun made = run(rays, primary, 1024, 0.3f, guard);
     EXPECT_GT(made.use.hits, made.use.queries / 4) << "hardly anything was interpolated";
     Estimate all, records;
     for (const glm::vec3& L : made.indirect.pixels) all.add(L.x / (kRho * kRho));
@@ -248,7 +201,7 @@ TEST_P(RenderInterpolation, TheFurnaceStaysWhite) {
 TEST_P(RenderInterpolation, ThePictureIsThatOfAGatherInEveryPixel) {
   const RayTracer rays(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(rays, 24, 24);
-  const Run made[] = {run(rays, primary, 1024, 0.2f), run(rays, primary, 1024, 0.2f, true)};
+  const LevelRun made[] = {run(rays, primary, 1024, 0.2f), run(rays, primary, 1024, 0.2f, true)};
   const Strata strata = Strata::for_rays(1024);
   Tracer tracer(rays);
   double sum[2] = {}, exact = 0.0, square[2] = {};
@@ -274,13 +227,13 @@ TEST_P(RenderInterpolation, ThePictureIsThatOfAGatherInEveryPixel) {
 TEST_P(RenderInterpolation, LightOfAnyBrightnessGivesThePicture) {
   const RayTracer plain(make_scene("cornell_box"));
   const PrimaryHits primary = primary_hits(plain, 12, 12);
-  const Run made = run(plain, primary, 64, 0.3f);
+  const LevelRun made = run(plain, primary, 64, 0.3f);
   for (const int exponent : {-66, 66}) {  // a power of two: nothing is rounded otherwise
     Scene scene = make_scene("cornell_box");
     const float factor = std::ldexp(1.0f, exponent);
     for (Material& m : scene.materials) m.emission *= factor;
     const RayTracer rays(std::move(scene));
-    const Run other = run(rays, primary, 64, 0.3f);
+    const LevelRun other = run(rays, primary, 64, 0.3f);
     ASSERT_EQ(other.records.size(), made.records.size());
     for (std::size_t i = 0; i < made.indirect.pixels.size(); ++i)
       ASSERT_FLOAT_EQ(other.indirect.pixels[i].y / factor, made.indirect.pixels[i].y) << exponent;
@@ -327,7 +280,7 @@ TEST_P(RenderInterpolation, TheGuardStopsLeaksThroughAThinWall) {
     }
     double inside[2] = {}, outside[2] = {};  // RMS error, without the guard and with it
     for (const bool guard : {false, true}) {
-      const Run made = run(rays, primary, 256, kA, guard);
+      const LevelRun made = run(rays, primary, 256, kA, guard);
       for (std::size_t i = 0; i < exact.size(); ++i)
         (primary.hits[i].p.x > 0.0f ? inside : outside)[guard] +=
             std::pow(made.indirect.pixels[i].y - exact[i], 2.0f);
@@ -348,8 +301,7 @@ TEST_P(RenderInterpolation, TheGuardStopsLeaksThroughAThinWall) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Levels, RenderInterpolation, ::testing::ValuesIn(kInterpolations),
-                         [](const auto& param) { return std::string(param.param.name); });
+INSTANTIATE_TEST_SUITE_P(Levels, RenderInterpolation, ::testing::ValuesIn(kInterpolations), level_name);
 
 }  // namespace
 }  // namespace icbench

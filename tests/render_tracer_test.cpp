@@ -116,6 +116,43 @@ TEST(RenderTracer, ARayThatLeavesAConvexSolidDoesNotMeetItAgain) {
   }
 }
 
+// Triangles of all sizes and slants anywhere in a scene of 100 m, and rays that start a half and a quarter as far off them
+// as they need to: kEpsilonShare leaves room.
+TEST(RenderTracer, ARayThatLeavesATriangleDoesNotMeetItAgain) {
+  constexpr float kReach = 100.0f;
+  Pcg32 random(3);
+  const auto within = [&](float size) { return size * (2.0f * random.uniform() - 1.0f); };
+  int left = 0;
+  for (int k = 0; k < 300; ++k) {
+    const float size = k % 2 == 0 ? kReach : 10.0f * random.uniform();
+    const glm::vec3 centre(within(kReach - size), within(kReach - size), within(kReach - size));
+    Mesh mesh = quad("corner", glm::vec3(kReach), {-1, 0, 0}, {0, -1, 0}, 0);
+    for (int v = 0; v < 3; ++v)
+      mesh.positions.push_back(centre + glm::vec3(within(size), within(size), within(size)));
+    mesh.triangles.push_back({4, 5, 6});
+    const RayTracer rays(with_mesh(mesh));
+    if (rays.scene().dropped_triangles > 0) continue;
+    Tracer tracer(rays);
+    for (int i = 0; i < 50; ++i) {
+      const float u = random.uniform(), v = (1.0f - u) * random.uniform();
+      const glm::vec3 target = mesh.positions[4] + u * (mesh.positions[5] - mesh.positions[4]) +
+                               v * (mesh.positions[6] - mesh.positions[4]);
+      const glm::vec3 from(within(kReach), within(kReach), within(kReach));
+      const Hit hit = tracer.intersect(Ray{from, kInfinity, target - from});
+      if (hit.missed()) continue;
+      ++left;
+      const float a = random.uniform(), b = random.uniform();
+      for (const float share : {1.0f, 0.5f, 0.25f}) {
+        const Ray away{hit.p + share * rays.epsilon() * hit.ng, kInfinity,
+                       cosine_direction(Basis(hit.ng), a, b)};
+        const Hit next = tracer.intersect(away);
+        ASSERT_TRUE(next.missed() || glm::distance(next.p, glm::vec3(kReach)) < 2.0f) << share;
+      }
+    }
+  }
+  EXPECT_GT(left, 10'000);
+}
+
 TEST(RenderTracer, NothingLeaksFromAClosedRoom) {
   const RayTracer rays(make_scene("white_furnace"));
   Tracer tracer(rays);

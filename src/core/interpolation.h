@@ -110,7 +110,7 @@ struct RadiusLimits {
   }
 
   /// Clamps R into [min, max]; NaN (a gather that saw nothing) becomes max.
-  float clamp(float R) const noexcept { return R >= max || !(R == R) ? max : std::max(R, min); }
+  float clamp(float R) const noexcept { return !std::isless(R, max) ? max : std::max(R, min); }
 };
 
 }  // namespace icbench

@@ -1,7 +1,8 @@
 // The values an irradiance cache exchanges with a renderer: surface points, records, irradiance.
 //
 // Units: positions and radii in metres (any consistent length will do), irradiance in W/m^2 per RGB channel.
-// Everything here is trivially copyable and allocation-free.
+// Everything here is trivially copyable and allocation-free. What a caller hands over may hold NaNs: it is judged by
+// comparisons that are false for them without raising the invalid-operation flag.
 #pragma once
 
 #include <cmath>
@@ -41,8 +42,9 @@ struct Bounds {
   glm::vec3 upper{1.0f};
 
   bool contains(const glm::vec3& p) const noexcept {  // false for NaN
-    return p.x >= lower.x && p.y >= lower.y && p.z >= lower.z && p.x <= upper.x && p.y <= upper.y &&
-           p.z <= upper.z;
+    return std::isgreaterequal(p.x, lower.x) && std::isgreaterequal(p.y, lower.y) &&
+           std::isgreaterequal(p.z, lower.z) && std::islessequal(p.x, upper.x) &&
+           std::islessequal(p.y, upper.y) && std::islessequal(p.z, upper.z);
   }
 };
 
@@ -68,15 +70,19 @@ inline bool is_finite(const glm::vec3& v) noexcept {
 
 /// |n|^2 within 2e-6 of 1: float normalisation errs by less than 1e-6, and validity at a record's own point rests on
 /// it (core/interpolation.h). Normalise what comes from files or half precision. False for NaN.
-inline bool is_unit(const glm::vec3& n) noexcept { return std::abs(glm::dot(n, n) - 1.0f) <= 2e-6f; }
+inline bool is_unit(const glm::vec3& n) noexcept {
+  return std::islessequal(std::abs(glm::dot(n, n) - 1.0f), 2e-6f);
+}
 
 /// Largest irradiance a record may bring, W/m^2: weighted sums of thousands of such records stay finite.
 inline constexpr float kMaxIrradiance = 1e30f;
 
 /// In [0, kMaxIrradiance] in every channel; false for NaN.
 inline bool is_irradiance(const Irradiance& E) noexcept {
-  return E.x >= 0.0f && E.y >= 0.0f && E.z >= 0.0f && E.x <= kMaxIrradiance && E.y <= kMaxIrradiance &&
-         E.z <= kMaxIrradiance;
+  const auto is_one = [](float e) {
+    return std::isgreaterequal(e, 0.0f) && std::islessequal(e, kMaxIrradiance);
+  };
+  return is_one(E.x) && is_one(E.y) && is_one(E.z);
 }
 
 /// A query outside these terms is a miss (and counted as invalid).
@@ -87,7 +93,7 @@ inline bool is_askable(const SurfacePoint& x, const Bounds& bounds) noexcept {
 /// A record outside these terms is rejected: finite, unit normal, positive radius, no negative irradiance, inside the
 /// bounds.
 inline bool is_storable(const Record& r, const Bounds& bounds) noexcept {
-  return bounds.contains(r.p) && is_unit(r.n) && r.R > 0.0f && std::isfinite(r.R) && is_irradiance(r.E);
+  return bounds.contains(r.p) && is_unit(r.n) && std::isgreater(r.R, 0.0f) && std::isfinite(r.R) && is_irradiance(r.E);
 }
 
 }  // namespace icbench

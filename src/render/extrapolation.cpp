@@ -37,9 +37,9 @@ const InterpolationEntry& find_interpolation(std::string_view name) {
 
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept {
   const auto limit = [](glm::vec3& v, float value, float most) {  // |v| <= value most
-    const glm::vec3 relative = v / value;
+    const glm::vec3 relative = value > 0.0f ? v / value : glm::vec3(0.0f);
     const float length = glm::length(relative);
-    if (!std::isfinite(length))
+    if (!(value > 0.0f && std::isfinite(length)))
       v = glm::vec3(0.0f);  // nothing to change: black, or as good as that
     else if (length > most)
       v = relative * (most / length * value);

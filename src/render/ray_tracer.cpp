@@ -23,7 +23,7 @@ struct RayTracer::Embree {
   std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
   Occluders occluders;
 
-  Embree() : device(rtcNewDevice(nullptr)) {
+  Embree() : device(embree::new_device()) {
     if (!device)
       throw std::runtime_error(
           fmt::format("Embree finds no device (error {})", static_cast<int>(rtcGetDeviceError(nullptr))));
@@ -74,7 +74,7 @@ void set_pose(RTCGeometry instance, const Pose& pose) {
                              pose.linear[1].y, pose.linear[1].z, pose.linear[2].x, pose.linear[2].y,
                              pose.linear[2].z, pose.shift.x,     pose.shift.y,     pose.shift.z};
   rtcSetGeometryTransform(instance, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, columns);
-  rtcCommitGeometry(instance);
+  embree::commit(instance);
 }
 
 // Gives the mesh of a shape's scene other vertices, and commits both and the instance.
@@ -83,9 +83,9 @@ void refit(RTCScene shape, RTCGeometry instance, std::uint32_t id, const std::ve
   std::copy(positions.begin(), positions.end(),
             static_cast<glm::vec3*>(rtcGetGeometryBufferData(geometry, RTC_BUFFER_TYPE_VERTEX, 0)));
   rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
-  rtcCommitGeometry(geometry);
-  rtcCommitScene(shape);
-  rtcCommitGeometry(instance);
+  embree::commit(geometry);
+  embree::commit(shape);
+  embree::commit(instance);
 }
 
 void set_ray(RTCRay& to, const Ray& ray) noexcept {
@@ -167,10 +167,10 @@ void RayTracer::attach_shape(std::uint32_t i) {
   }
   copy_to_buffer(geometry, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, mesh.positions);
   copy_to_buffer(geometry, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.triangles);
-  rtcCommitGeometry(geometry);
+  embree::commit(geometry);
   rtcAttachGeometryByID(to, geometry, i);
   rtcReleaseGeometry(geometry);
-  if (mesh.moves()) rtcCommitScene(to);
+  if (mesh.moves()) embree::commit(to);
 }
 
 void RayTracer::build_scene() {
@@ -197,10 +197,10 @@ void RayTracer::build_scene() {
     if (shape) embree_->placings[i] = instantiate(shape, i, placed_[i].pose);
   }
   if (embree_->still) {
-    rtcCommitScene(embree_->still);
+    embree::commit(embree_->still);
     rtcReleaseGeometry(instantiate(embree_->still, static_instance_, Pose{}));
   }
-  rtcCommitScene(embree_->scene);
+  embree::commit(embree_->scene);
   embree_->check(scene_);
   place_occluders();
 }
@@ -249,7 +249,7 @@ SceneChange RayTracer::go_to(float frame) {
     lamp_moved |= scene_.materials[mesh.material].emits();
   }
   if (!change.moved.empty()) {
-    rtcCommitScene(embree_->scene);
+    embree::commit(embree_->scene);
     place_occluders();
   }
   embree_->check(scene_);

@@ -99,7 +99,7 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
     else
       weight = glm::vec3(0.0f);
     const float q = survival(weight);
-    const glm::vec3 flux = start.power * weight / q;
+    const glm::vec3 flux = q > 0.0f ? start.power * weight / q : glm::vec3(0.0f);
     if (!(random.uniform() < q) || !(std::max({flux.x, flux.y, flux.z}) > 0.0f)) {
       meet(hit.p, nullptr);
       return;

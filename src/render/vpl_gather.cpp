@@ -50,6 +50,9 @@ struct ToVpl {
         d2(x * x + y * y + z * z),
         here(x * n.x + y * n.y + z * n.z),
         there(-(x * v.nx[i] + y * v.ny[i] + z * v.nz[i])) {}
+
+  // |d|^4; where that vanishes, the smallest number by which what is above both horizons can be divided.
+  float d4() const noexcept { return std::max(d2 * d2, std::numeric_limits<float>::min()); }
 };
 
 // 64 bytes of 0 or 1 as bits: eight at a time, by a product that brings their lowest bits together on top.
@@ -147,8 +150,7 @@ class Sum {
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const std::size_t i = first + l;
         const ToVpl to(v, i, p, n);
-        const float G = to.here * to.there / (to.d2 * to.d2);
-        // The comparison fails for the 0 / 0 of distances whose squares vanish, too.
+        const float G = to.here * to.there / to.d4();
         const float bounded = G < clamp ? G : clamp;
         const float g = (some >> l & 1u) != 0 ? bounded : 0.0f;
         red_[l] += g * v.red[i];
@@ -185,9 +187,9 @@ class Slopes {
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const std::size_t i = first + l;
         const ToVpl to(v, i, p, n);
-        const float inverse = 1.0f / (to.d2 * to.d2);
+        const float inverse = 1.0f / to.d4();
         const float G = to.here * to.there * inverse;
-        const bool counts = (some >> l & 1u) != 0 && G < clamp;  // false for the NaN of points that coincide
+        const bool counts = (some >> l & 1u) != 0 && G < clamp;
         const float turn = counts ? to.there * inverse : 0.0f;
         const float lean = counts ? to.here * inverse : 0.0f;
         const float pull = counts ? 4.0f * G / to.d2 : 0.0f;
@@ -276,7 +278,7 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   for (std::size_t i = 0; i < kWord; ++i) {
     const ToVpl to(v, i, at.p, at.n);
     const float surface = to.x * at.ng.x + to.y * at.ng.y + to.z * at.ng.z;
-    const float G = to.here * to.there / (to.d2 * to.d2);
+    const float G = to.here * to.there / to.d4();
     flux[i] = v.red[i] + v.green[i] + v.blue[i];
     const bool facing = (to.here > 0.0f) & (surface > 0.0f) & (to.there > 0.0f);
     sends[i] = facing ? (G < clamp ? G : clamp) * flux[i] : 0.0f;

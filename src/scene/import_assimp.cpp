@@ -13,6 +13,7 @@
 #include <set>
 #include <stdexcept>
 
+#include "core/fp_traps.h"
 #include "image/file.h"
 #include "scene/import_model.h"
 #include "scene/import_trial.h"
@@ -318,6 +319,7 @@ Model read_with_assimp(const std::filesystem::path& file) {
   const std::uintmax_t size = std::filesystem::file_size(file, error);
   if (error) throw std::runtime_error(fmt::format("cannot read '{}': {}", file.string(), error.message()));
   const auto read = [&]() -> std::string {
+    const LibraryCall call;
     if (importer.ReadFile(file.string(), kSteps)) return {};
     const std::string said = importer.GetErrorString();
     return said.empty() ? "cannot be read" : said;

@@ -42,7 +42,7 @@ glm::vec3 spot_direction(const PointLight& light, float u_cosine, float u_azimut
 }  // namespace
 
 float spot_falloff(const PointLight& light, float cosine) noexcept {
-  if (!(cosine > -1.0f)) cosine = -1.0f;
+  if (!std::isgreater(cosine, -1.0f)) cosine = -1.0f;
   if (cosine >= light.cos_inner) return 1.0f;
   if (cosine <= light.cos_outer) return 0.0f;
   return smooth_step((cosine - light.cos_outer) / (light.cos_inner - light.cos_outer));

@@ -16,7 +16,7 @@ namespace {
 // A triangle whose doubled area is below this share of its longest edge squared has no normal in float
 // arithmetic.
 constexpr double kThinnest = 1e-6;
-// One whose doubled area is below this share of reach^2 is a tenth of epsilon wide.
+// One whose doubled area is below this share of reach^2 is half an epsilon wide.
 constexpr double kSmallest = 1e-12;
 
 [[noreturn]] void fail(const Scene& scene, const std::string& what) {

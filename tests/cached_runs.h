@@ -1,0 +1,89 @@
+// Passes through the simplest cache there is, at every level of interpolation.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "core/interpolation.h"
+#include "render/extrapolation.h"
+#include "render/integrators.h"
+#include "render/irradiance_cache.h"
+#include "render_support.h"
+
+namespace icbench {
+
+inline void PrintTo(const InterpolationEntry& entry, std::ostream* out) { *out << entry.name; }
+
+/// Names a parameter of a test.
+inline std::string level_name(const ::testing::TestParamInfo<InterpolationEntry>& info) {
+  return std::string(info.param.name);
+}
+
+// A list of records, for one thread.
+class ListSession {
+ public:
+  template <class F>
+  void visit(const SurfacePoint& x, F&& f) noexcept {
+    for (const Record& r : records)
+      if (const float w = split_sphere_weight(x, r, a); w > 0.0f) f(r, w);
+  }
+  std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
+    Interpolator sum;
+    visit(x, sum);
+    return sum.result();
+  }
+  InsertResult insert(const Record& r) noexcept {
+    if (!is_storable(r, bounds)) return InsertResult::rejected;
+    if (records.size() == capacity) return InsertResult::full;
+    records.push_back(r);
+    return InsertResult::inserted;
+  }
+
+  Bounds bounds;
+  float a = 0.3f;
+  std::size_t capacity = std::numeric_limits<std::size_t>::max();
+  std::vector<Record> records{};
+};
+
+struct Level {
+  Interpolation level = Interpolation::split_sphere;
+  std::uint32_t gather_rays = 64;
+  float a = 0.2f;
+  bool leak_guard = false;
+  std::uint32_t vpls = 64;
+};
+
+struct LevelRun {
+  Image indirect;
+  CacheUse use;
+  std::vector<Record> records;
+};
+
+/// The indirect pass of a picture by one thread; `make`: make_irradiance_cache or one of those by virtual point lights.
+inline LevelRun run_level(const RayTracer& rays, const PrimaryHits& primary, const Level& level,
+                          MakeSource make = make_irradiance_cache) {
+  ThreadCrew crew(rays, 1);
+  PassSetup setup{rays, crew, primary.width, primary.height};
+  setup.gather_rays = level.gather_rays;
+  setup.vpls = level.vpls;
+  setup.a = level.a;
+  setup.interpolation = level.level;
+  setup.leak_guard = level.leak_guard;
+  const auto source = make(setup);
+  source->begin_frame({}, crew);
+  ListSession session{.bounds = rays.scene().bounds, .a = search_reach(level.level) * level.a};
+  LevelRun out{blank(primary.width, primary.height), {}, {}};
+  Tracer tracer(rays);
+  for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
+    irradiance_cache_tile(session, *source, 0, tracer, primary, {}, tile, out.indirect, out.use);
+  out.records = std::move(session.records);
+  return out;
+}
+
+}  // namespace icbench
