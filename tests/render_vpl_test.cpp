@@ -21,6 +21,7 @@
 #include "render_support.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
+#include "trap_invalid.h"
 
 namespace icbench {
 namespace {

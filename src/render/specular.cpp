@@ -3,17 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <limits>
 
 namespace icbench {
 
 float fresnel(float cosine, float eta) noexcept {
-  const float sine2 = (1.0f - cosine) * (1.0f + cosine) / (eta * eta);  // beyond the boundary
+  // Beyond the boundary; an index whose square vanishes reflects all.
+  const float sine2 =
+      (1.0f - cosine) * (1.0f + cosine) / std::max(eta * eta, std::numeric_limits<float>::min());
   if (!(sine2 < 1.0f)) return 1.0f;
   const float beyond = std::sqrt(1.0f - std::max(sine2, 0.0f));
   const float parallel = (eta * cosine - beyond) / (eta * cosine + beyond);
   const float perpendicular = (cosine - eta * beyond) / (cosine + eta * beyond);
   const float share = 0.5f * (parallel * parallel + perpendicular * perpendicular);
-  return share < 1.0f ? share : 1.0f;  // also where an index near 0 leaves 0 / 0
+  return std::min(share, 1.0f);
 }
 
 SpecularSplit split_specular(const Material& material, const Hit& hit, const glm::vec3& d) noexcept {

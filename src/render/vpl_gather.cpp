@@ -238,7 +238,8 @@ class Slopes {
 float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, float clamp) noexcept {
   const glm::vec3 d = met.p - from;
   const float d2 = glm::dot(d, d);
-  const float G = glm::dot(d, n) * -glm::dot(d, met.ng) / (d2 * d2);
+  const float d4 = std::max(d2 * d2, std::numeric_limits<float>::min());  // as in ToVpl
+  const float G = glm::dot(d, n) * -glm::dot(d, met.ng) / d4;
   return G > clamp ? 1.0f - clamp / G : 0.0f;
 }
 

@@ -5,9 +5,11 @@
 // point on an area light hit by chance follows from its emission alone.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <limits>
 #include <vector>
 
 namespace icbench {
@@ -80,7 +82,10 @@ class LightTable {
     std::uint32_t alias;  // the entry taken otherwise
   };
 
-  static float channel_sum(const glm::vec3& rgb) noexcept { return rgb.x + rgb.y + rgb.z; }
+  // Finite.
+  static float channel_sum(const glm::vec3& rgb) noexcept {
+    return std::min(rgb.x + rgb.y + rgb.z, std::numeric_limits<float>::max());
+  }
 
   void build_alias_table(const std::vector<double>& powers);
 
