@@ -110,6 +110,11 @@ class BadInput(Case):
         self.refuse("sweep", "--caches", "sequential,brute_force", "--threads", "2", says=["--threads 1"])
         self.refuse("render", "--cache", "sequential", "--threads", "2", says=["--threads 1"])
 
+    def test_leaks_are_guarded_against_where_hemispheres_are_gathered(self):
+        for integrator in "instant_caching", "temporal_instant_caching":
+            self.refuse("render", "--integrator", integrator, "--leak-guard",
+                        says=["--leak-guard", integrator, "irradiance_cache"])
+
     def test_outputs_that_cannot_be_written(self):
         (self.folder / "folder.exr").mkdir()
         self.succeed(*small_render(out="picture.exr"))
