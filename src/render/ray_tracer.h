@@ -1,11 +1,12 @@
 // Ray tracing through Embree: the scene and its BVH, shared by all threads, and a Tracer per thread that
 // counts.
 //
-// Epsilon policy, the only one there is. A ray leaves a surface at p + epsilon * ng, on the side it travels
-// to, and is then intersected from t = 0; a shadow ray also ends epsilon off the light, at t = 1. epsilon is
-// kEpsilonShare of the scene's largest |coordinate| (scene.h). Hit positions are interpolated from the
-// vertices, not stepped along the ray, so that their error does not grow with the ray. Embree scenes are
-// robust: no ray slips between two triangles that share an edge.
+// Epsilon policy, the only one there is. A ray leaves a surface at p + epsilon * ng, on the side it travels to, and is
+// then intersected from t = 0; a shadow ray also ends epsilon off the light, at t = 1. epsilon is kEpsilonShare of the
+// scene's largest |coordinate| (scene.h): coordinates round by their distance from the origin, and files whose scenes
+// lie far from it are moved there (import_scene.h). Gaps narrower than epsilon are closed. Hit positions are
+// interpolated from the vertices, not stepped along the ray, so that their error does not grow with the ray. Embree
+// scenes are robust: no ray slips between two triangles that share an edge.
 //
 // Everything here is safe to call from any number of threads; building the BVH uses oneTBB.
 #pragma once

@@ -18,7 +18,10 @@
 // - Motion: all node animations of a file at once, at kFramesPerSecond, over the longest of them. Nothing
 //   else moves.
 // - Units: metres. FBX and Collada state theirs and are converted; all other numbers are taken as metres.
-// - Coordinates are held as doubles until a scene that lies far from its origin has been brought there.
+// - Coordinates are held as doubles until a scene that lies far from its origin, by more than four times its radius,
+//   has been moved there; a note says by how much. So one that lies 1e6 m away gives the picture it would give at the
+//   origin. What a format itself stores as floats (vertices of glTF and FBX, all that assimp reads) is as coarse as
+//   these are, 6 cm there, unless the offset is in a node's transformation.
 //
 // Guarantees: any file gives a scene or one line that names file and place, whatever its bytes. Memory stays
 // within a constant times the bytes of the file and those it names, plus its textures (kMaxTexels) and the
