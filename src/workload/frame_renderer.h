@@ -7,9 +7,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "image/image.h"
 #include "render/integrators.h"
+#include "render/residual.h"
 #include "workload/dispatch.h"
 #include "workload/team_crew.h"
 
@@ -34,6 +36,9 @@ struct FrameRequest {
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
   float cell_size = 8.0f;                                ///< hash_cells: edge of a cell, pixels
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
+  float residual_share =
+      0.0f;  ///< probability that a pixel is drawn for the residual (render/residual.h); 0: none
+  bool keeps_residual = false;  ///< its layer as well as its figures
 };
 
 /// What a frame cost.
@@ -43,6 +48,9 @@ struct FrameCost {
   RayCounts rays;
   PassFigures pass;
   unsigned threads = 1;
+  std::optional<ResidualFigures> residual;  ///< if it was asked for; its cost is not in the above
+  double seconds_residual = 0.0;            ///< wall time
+  RayCounts rays_residual;
 };
 
 class FrameRenderer {
@@ -54,14 +62,21 @@ class FrameRenderer {
   const Image& picture() const noexcept { return picture_; }
   /// What the integrator's own pass brought to the frame's last sample.
   const Image& indirect() const noexcept { return indirect_; }
+  /// Adds the signed layer that makes the frame's picture unbiased, if it was to be kept.
+  void add_residual(Image& to) const {
+    if (residual_) residual_->add_to(to);
+  }
 
  private:
+  void add_to_residual(const SampleKey& key);
+
   FrameRequest request_;
   TeamCrew crew_;
   std::vector<Tile> tiles_;
   std::unique_ptr<IndirectPass> pass_;
   PrimaryHits primary_;
   Image direct_, indirect_, picture_;
+  std::optional<ResidualEstimator> residual_;
 };
 
 /// Memory that the pixels of a frame take while it is made, bytes; records come on top.
