@@ -26,7 +26,10 @@ def sentence(name: str, part: pd.DataFrame) -> str:
     if shared.empty:
         return f"<p><b>{text(name[0].upper() + name[1:])}: measured with one thread only.</b></p>"
     threads = shared["threads"].max()
-    most = shared[shared["threads"] == threads]
+    most = shared[(shared["threads"] == threads) & (shared["rms_to_single"] > 0)]
+    if most.empty:
+        return (f"<p><b>{text(name[0].upper() + name[1:])}: with {style.threads_text(threads)} no picture differs from "
+                "that of one thread.</b></p>")
     shares = most["rms_to_single"] / most["mean"]
     line = most.loc[shares.idxmax()]
     said = (f"{name[0].upper() + name[1:]}: with {style.threads_text(threads)} a picture differs from that of one "
@@ -41,7 +44,9 @@ def _shares(line: pd.Series, kind: str) -> str:
     """A difference as a share of the mean, and below it of the error."""
     if kind not in line or not np.isfinite(line[kind]):
         return '<td class="n">–</td>'
-    of_mean = interval(*(line[f"{kind}_share_of_mean{end}"] for end in ("", "_low", "_high")), scale=100)
+    of_mean = "0"
+    if line[kind] > 0:
+        of_mean = interval(*(line[f"{kind}_share_of_mean{end}"] for end in ("", "_low", "_high")), scale=100)
     of_error = line.get(f"{kind}_share_of_error")
     under = f'<span class="under">{style.number(100 * of_error)} % of the error</span>' if of_error > 0 else ""
     return f'<td class="n">{of_mean}&nbsp;%{under}</td>'
@@ -74,8 +79,10 @@ def _legend(part: pd.DataFrame) -> str:
             f"picture's mean, {style.number(mean)} W/(m² sr). The error of the pictures, against path tracing at the "
             f"same hits, is {style.number(own)} W/(m² sr) or {style.number(100 * own / mean)} % of it")
     if "reference_rmse" in part:
-        said += (f"; the reference's own, already taken off, is {style.number(part['reference_rmse'].median())} "
-                 "W/(m² sr)")
+        floor = part["reference_rmse"].median()
+        said += f"; the reference's own, already taken off, is {style.number(floor)} W/(m² sr)"
+        if floor > own:
+            said += ", which is more, so that shares of the error are rough"
     said += (". From run to run is on as many threads, and sqrt(2) times the deviation of one run; from fewer threads' "
              "is from the same run on the next smaller number. Redundant records are those made beyond the records of "
              "one thread through the same cache, below 0 if fewer were made. Seconds are those of the indirect light")

@@ -194,11 +194,21 @@ class Repeatability(InFolder):
 
     def test_the_page_says_how_far_and_beside_what(self):
         page = self.page(model_repeatability())
-        self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by 0 to "
-                      "0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
+        self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by 0.440 "
+                      "to 0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
         self.assertIn("serves one thread", page)
         self.assertIn("0.0200 W/(m² sr) or 4.00 % of it", page)
         self.assertIn("the reference&#x27;s own, already taken off, is 0.00200", page)
+
+    def test_a_reference_that_errs_more_than_the_pictures_is_told(self):
+        data = model_repeatability()
+        self.assertNotIn("are rough", self.page(data))
+        for row in data["benchmarks"]:
+            row["reference_rmse"] = 0.03
+        self.assertIn("which is more, so that shares of the error are rough", self.page(data))
+
+    def test_where_threads_change_nothing_the_page_says_so(self):
+        self.assertIn("with 8 threads no picture differs", self.page(model_repeatability(differences={"null": 0.0})))
 
     def test_one_thread_alone_says_so(self):
         page = self.page(model_repeatability(differences={"sequential": None}))
