@@ -50,6 +50,9 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
+  app->add_flag("--deterministic", o.deterministic,
+                "The same picture and records for any number of threads and\nany cache");
+  app->add_flag("--overture", o.overture, "Make all records of a cache first, then the picture");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
   add_positive(app, "--exposure", o.exposure, 1e6f,
@@ -103,7 +106,9 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                          o.seed,
                                                          {},
                                                          o.cell_size,
-                                                         o.paths});
+                                                         o.paths,
+                                                         o.deterministic,
+                                                         o.overture});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
 }
 
@@ -121,6 +126,8 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["cache"] = options_.cache;
     j["accuracy"] = shortest_decimal(r.a);
     j["interpolation"] = options_.interpolation;
+    j["deterministic"] = r.deterministic;
+    j["overture"] = r.overture;
   }
   if (r.integrator.uses_cells) {
     j["cell_size"] = shortest_decimal(r.cell_size);

@@ -22,6 +22,7 @@ struct FrameOptions {
   float cell_size = 8.0f;
   float accuracy = 0.2f, exposure = 1.0f;
   std::uint64_t seed = 1;
+  bool deterministic = false, overture = false;
 };
 
 /// Adds the options to a subcommand; `o` holds their defaults and must outlive the parsing.

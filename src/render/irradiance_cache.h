@@ -115,12 +115,17 @@ std::optional<Irradiance> query_extrapolating(Session& session, const RecordShap
   return sum.result();
 }
 
-/// R that the neighbours allow a new record (Krivanek et al. 2006): R_j + |p - p_j| of every record the cache finds.
+/// R that a neighbour allows a new record at p (Krivanek et al. 2006): R_j + |p - p_j|.
+inline float allowed_by_neighbour(const Record& other, const glm::vec3& p) noexcept {
+  return other.R + glm::distance(p, other.p);
+}
+
+/// R of a record as every record that the cache finds there allows it.
 template <class Session>
 float clamped_to_neighbours(Session& session, const Record& record) noexcept {
   float R = record.R;
   session.visit({record.p, record.n}, [&](const Record& other, float) noexcept {
-    R = std::min(R, other.R + glm::distance(record.p, other.p));
+    R = std::min(R, allowed_by_neighbour(other, record.p));
   });
   return R;
 }

@@ -40,6 +40,8 @@ struct WeightedHit {
   glm::vec3 weight;  ///< of the radiance that leaves it, in the radiance of the pixel
 };
 
+struct Visible;
+
 struct PrimaryHits {
   int width = 0, height = 0;
   std::vector<Hit>
@@ -56,6 +58,9 @@ struct PrimaryHits {
   bool is_plain() const noexcept { return extra.empty(); }  ///< no specular surfaces
   std::uint32_t layers() const noexcept;                    ///< the most hits that any pixel has, at least 1
   std::size_t count() const noexcept;                       ///< hits of all pixels, missed ones included
+
+  /// The hit of a layer that the pixel has.
+  inline Visible at(std::uint32_t pixel, std::uint32_t layer) const noexcept;
 };
 
 /// One of the hits of a pixel.
@@ -77,6 +82,12 @@ struct Visible {
     to = layer == 0 ? weight * L : to + weight * L;
   }
 };
+
+inline Visible PrimaryHits::at(std::uint32_t pixel, std::uint32_t layer) const noexcept {
+  if (layer == 0) return {hits[pixel], is_plain() ? glm::vec3(1.0f) : weights[pixel], pixel, 0};
+  const WeightedHit& other = extra[pixel][layer - 1];
+  return {other.hit, other.weight, pixel, layer};
+}
 
 /// Calls f(pixel index) for every pixel of a tile, row by row.
 template <class F>
@@ -113,15 +124,12 @@ void for_each_pixel_coarse_to_fine(const Tile& tile, int width, F&& f) {
 template <class EachPixel, class F>
 void for_each_visible(const Tile& tile, const PrimaryHits& primary, EachPixel&& each_pixel, F&& f) {
   if (primary.is_plain()) {
-    each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-      f(Visible{primary.hits[pixel], glm::vec3(1.0f), pixel, 0});
-    });
+    each_pixel(tile, primary.width, [&](std::uint32_t pixel) { f(primary.at(pixel, 0)); });
     return;
   }
   each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-    f(Visible{primary.hits[pixel], primary.weights[pixel], pixel, 0});
-    std::uint32_t layer = 0;
-    for (const WeightedHit& extra : primary.extra[pixel]) f(Visible{extra.hit, extra.weight, pixel, ++layer});
+    const auto layers = 1 + static_cast<std::uint32_t>(primary.extra[pixel].size());
+    for (std::uint32_t layer = 0; layer < layers; ++layer) f(primary.at(pixel, layer));
   });
 }
 

@@ -9,6 +9,8 @@
 
 namespace icbench {
 
+inline constexpr int kFrameTile = 16;  ///< edge of the tiles that pictures are made of, pixels
+
 /// Pixels x0 <= x < x1, y0 <= y < y1.
 struct Tile {
   int x0, y0, x1, y1;

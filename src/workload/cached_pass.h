@@ -3,12 +3,14 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "core/cache.h"
 #include "core/sync.h"
 #include "render/irradiance_cache.h"
+#include "render/waves.h"
 #include "workload/trial.h"
 
 namespace icbench {
@@ -19,15 +21,23 @@ struct CachedPassSetup {
   std::uint32_t prefault = 0;       ///< records that memory is touched for beforehand, by each thread
   std::uint32_t latency_every = 0;  ///< one operation in so many is timed, at random; 0 none
   std::uint64_t seed = 0;           ///< of which operations are timed
+  const RayTracer* deterministic =
+      nullptr;            ///< of the pictures, if they are to be made in waves (render/waves.h)
+  bool overture = false;  ///< first all records, then the picture
 };
 
 template <template <class> class CacheTemplate>
-class CachedPass final : public IndirectPass {
+class CachedPass final : public IndirectPass, private WaveCache {
  public:
   using Cache = CacheTemplate<WithCounters>;
 
   CachedPass(const CachedPassSetup& setup, std::unique_ptr<RecordSource> source, Crew& crew)
-      : crew_(crew), source_(std::move(source)), cache_(setup.cache), workers_(crew.size()) {
+      : crew_(crew),
+        source_(std::move(source)),
+        has_overture_(setup.overture),
+        cache_(setup.cache),
+        workers_(crew.size()) {
+    if (setup.deterministic != nullptr) waves_.emplace(*setup.deterministic, *source_, crew);
     crew.run([&](unsigned t, Tracer&) {
       auto session = cache_.open_session(t);
       session.prefault(setup.prefault);
@@ -38,6 +48,7 @@ class CachedPass final : public IndirectPass {
 
   void begin_frame(const SceneChange& change) override {
     for (const auto& w : workers_) w->use = {};
+    if (waves_) waves_->reset_use();
     lock_wait_before_ = cache_.counters().lock_wait_ns;
     switch (source_->begin_frame(change, crew_)) {
       case RecordsThen::stay:
@@ -52,15 +63,23 @@ class CachedPass final : public IndirectPass {
     }
   }
 
-  void begin_sample(const PrimaryHits&, const SampleKey&) override { cache_.begin_frame(); }
+  void begin_sample(const PrimaryHits& primary, const SampleKey& key) override {
+    cache_.begin_frame();
+    key_ = key;
+    if (has_overture_ && !waves_) fill(primary);
+  }
 
   void tile(unsigned thread, Tracer& tracer, const PrimaryHits& primary, const SampleKey& key,
             const Tile& tile, Image& out) noexcept override {
+    if (waves_) return;  // all at once, at the end
     Worker& w = *workers_[thread];
     irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use);
   }
 
-  void end_sample(const PrimaryHits&, Image&) override { cache_.end_frame(); }
+  void end_sample(const PrimaryHits& primary, Image& out) override {
+    if (waves_) waves_->render(*this, primary, key_, has_overture_, out);
+    cache_.end_frame();
+  }
 
   void for_each_record(const std::function<void(const Record&)>& f) const override {
     cache_.for_each_record(f);
@@ -69,6 +88,7 @@ class CachedPass final : public IndirectPass {
   PassFigures figures() const override {
     PassFigures out;
     for (const auto& w : workers_) out.use += w->use;
+    if (waves_) out.use += waves_->use();
     cache_.for_each_record([&](const Record&) { ++out.records; });
     out.lock_wait_ns = cache_.counters().lock_wait_ns - lock_wait_before_;
     source_->report(out);
@@ -105,9 +125,40 @@ class CachedPass final : public IndirectPass {
     CacheUse use;
   };
 
+  // Records for all pixels, as the tiles would make them; their picture is thrown away.
+  void fill(const PrimaryHits& primary) {
+    Image thrown_away = make_image(primary.width, primary.height);
+    const std::vector<Tile> tiles = make_tiles(primary.width, primary.height, kFrameTile, TileOrder::morton);
+    crew_.for_each(tiles.size(), 1, [&](unsigned thread, Tracer& tracer, std::size_t i) {
+      tile(thread, tracer, primary, key_, tiles[i], thrown_away);
+    });
+    publish();
+  }
+
+  void ask(unsigned thread, std::span<const SurfacePoint> points, Answers& answers,
+           std::span<Reply> replies) noexcept override {
+    auto& session = workers_[thread]->session;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      session.visit(points[i], [&](const Record& r, float weight) noexcept { answers.add(r, weight); });
+      replies[i] = answers.settle(points[i]);
+    }
+  }
+
+  InsertResult insert(unsigned thread, const Record& record) noexcept override {
+    return workers_[thread]->session.insert(record);
+  }
+
+  void publish() override {
+    cache_.end_frame();
+    cache_.begin_frame();
+  }
+
   Crew& crew_;
   std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
+  bool has_overture_;
+  std::optional<Waves> waves_;  // if deterministic
+  SampleKey key_;               // of the sample that was begun last
   Cache cache_;
   std::vector<std::unique_ptr<Worker>> workers_;  // each made by its thread
 };

@@ -18,6 +18,8 @@ std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
   cached.cache.a_max = cached.cache.a = search_reach(r.interpolation) * r.a;
   cached.cache.max_sessions = crew.size();
   cached.cache.capacity = capacity_for(2 * pixels, crew.size());
+  cached.deterministic = r.deterministic ? &r.rays : nullptr;
+  cached.overture = r.overture;
   return r.cache.pass(cached, r.integrator.source(setup), crew);
 }
 

@@ -17,8 +17,6 @@
 
 namespace icbench {
 
-inline constexpr int kFrameTile = 16;  ///< pixels a side
-
 struct FrameRequest {
   RayTracer& rays;
   ThreadTeam& team;
@@ -36,6 +34,8 @@ struct FrameRequest {
   std::function<void(double)> progress = [](double) {};  ///< told how many tile samples were done
   float cell_size = 8.0f;                                ///< hash_cells: edge of a cell, pixels
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
+  bool deterministic = false;                            ///< cached pictures too depend on no schedule
+  bool overture = false;                                 ///< all records are made before the picture is
   float residual_share =
       0.0f;  ///< probability that a pixel is drawn for the residual (render/residual.h); 0: none
   bool keeps_residual = false;  ///< its layer as well as its figures
@@ -62,6 +62,8 @@ class FrameRenderer {
   const Image& picture() const noexcept { return picture_; }
   /// What the integrator's own pass brought to the frame's last sample.
   const Image& indirect() const noexcept { return indirect_; }
+  /// Calls f for every record that the integrator keeps.
+  void for_each_record(const std::function<void(const Record&)>& f) const { pass_->for_each_record(f); }
   /// Adds the signed layer that makes the frame's picture unbiased, if it was to be kept.
   void add_residual(Image& to) const {
     if (residual_) residual_->add_to(to);

@@ -82,6 +82,8 @@ FrameRequest RepeatabilityStudy::request_of(const RepeatabilityPoint& point) {
   r.interpolation = f.interpolation;
   r.tiles = f.tiles;
   r.seed = f.seed;
+  r.deterministic = f.deterministic;
+  r.overture = f.overture;
   return r;
 }
 

@@ -1,0 +1,137 @@
+// A cached picture that no schedule decides: the same records and the same pixels, bit for bit, for any number of
+// threads, any schedule and any cache that keeps what it is given.
+//
+// Left to itself a cached pass is a race by design: which pixel finds which record depends on who came first. Here the
+// image is worked on in waves, from a coarse lattice of pixels to all of them. In a wave
+//
+//   ask       every pixel queries the cache in parallel; nobody inserts meanwhile, so that all find the same records
+//
+//   make      of those that found none a few are chosen: one in each square of twice the wave's spacing, in an order
+//             that a hash of the pixel gives. Their records are made and inserted in parallel, while nobody asks
+//
+//   publish   the cache's frame ends and begins, so that every session sees every record; what found none asks again,
+//             and so on until all have found one
+//
+// Pixels that are far apart seldom need the same record, so that few records are made in vain, although a round makes
+// as many at once as the image has squares in need: thousands, for any number of threads.
+//
+// Records that answer are summed in order of position, normal, radius and irradiance: a cache may find them in any. Ids
+// may index a table, from which threads draw as they come; nothing here depends on them.
+//
+// Scope: one program on one machine (compilers and processors may round differently); a cache that has room; the same
+// frames before. Records are the same but for their ids.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/sync.h"
+#include "core/types.h"
+#include "render/crew.h"
+#include "render/indirect_pass.h"
+#include "render/primary.h"
+#include "render/record_source.h"
+#include "render/tiles.h"
+
+namespace icbench {
+
+/// What a query gave.
+struct Reply {
+  std::optional<Irradiance> E;  ///< W/m^2; none where no record was valid
+  float most_R = 0.0f;          ///< metres: R that the records nearby allow a new one (clamped_to_neighbours)
+};
+
+/// The records that answer one query, in an order that they alone decide.
+class Answers {
+ public:
+  explicit Answers(RecordSource& source) : source_(source), shapes_(source.shapes()) {}
+
+  /// One of them, as the cache's session visits it. Out of memory ends the program.
+  void add(const Record& r, float weight) noexcept { found_.push_back({r, weight}); }
+
+  /// What they come to at x; forgets them.
+  Reply settle(const SurfacePoint& x) noexcept;
+
+ private:
+  struct Answer {
+    Record record;
+    float weight;
+  };
+
+  RecordSource& source_;
+  const RecordShapes* shapes_;
+  std::vector<Answer> found_;
+};
+
+/// A cache as waves use it.
+class WaveCache {
+ public:
+  virtual ~WaveCache() = default;
+  /// Queries at all points, which are some dozens: `answers` is this thread's. Many threads at once, none inserting.
+  virtual void ask(unsigned thread, std::span<const SurfacePoint> points, Answers& answers,
+                   std::span<Reply> replies) noexcept = 0;
+  /// Many threads at once, none asking.
+  virtual InsertResult insert(unsigned thread, const Record& record) noexcept = 0;
+  /// Quiescent: from now on every query sees every record.
+  virtual void publish() = 0;
+};
+
+class Waves {
+ public:
+  /// By the threads of a crew.
+  Waves(const RayTracer& rays, RecordSource& source, Crew& crew);
+
+  /// Indirect radiance at all stored hits, as irradiance_cache_tile; pixels that reflect nothing are 0. `overture`:
+  /// asks all again when every record is made, so that no pixel depends on how early it came.
+  void render(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, bool overture, Image& out);
+
+  /// Forgets what was counted.
+  void reset_use() noexcept;
+  CacheUse use() const noexcept;
+
+ private:
+  struct Miss {
+    std::uint64_t place;  // neighbours in order are neighbours in the image
+    std::uint32_t pixel, layer;
+    float most_R;
+  };
+  struct alignas(kNoSharing) Worker {
+    explicit Worker(RecordSource& source) : answers(source) {}
+    Answers answers;
+    std::vector<SurfacePoint> points;
+    std::vector<Reply> replies;
+    std::vector<Miss> asked, missed;
+    CacheUse use;
+  };
+
+  enum class Lattice : bool {
+    added,
+    all
+  };  // the pixels that a spacing adds to those of twice the spacing, or all
+
+  void ask(WaveCache& cache, const PrimaryHits& primary, unsigned spacing, Lattice lattice, Image& out);
+  void make(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, unsigned spacing, Image& out);
+  void ask_again(WaveCache& cache, const PrimaryHits& primary, Image& out);
+
+  void answer_misses(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, unsigned spacing,
+                     Image& out);
+  std::uint64_t rank_of(const Miss& m) const noexcept;
+  void show(const PrimaryHits& primary, const Miss& m, const Irradiance& E, Image& out) const noexcept;
+
+  const RayTracer& rays_;
+  RecordSource& source_;
+  Crew& crew_;
+  std::vector<Tile> tiles_;  // of images of this size:
+  int width_ = 0, height_ = 0;
+  std::vector<Worker> workers_;
+  std::vector<Miss> misses_;         // in order of place
+  std::vector<Miss> chosen_;          // of a round
+  std::vector<Irradiance> made_;      // for each
+  std::vector<Reply> replies_;        // for each of misses_
+  std::vector<std::uint64_t> first_;  // by square and layer: the least hash of a miss there
+  std::uint32_t layers_ = 1;
+};
+
+}  // namespace icbench
