@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "rows/animations.h"
+#include "rows/cached_pictures.h"
 
 namespace icbench {
 namespace {
@@ -108,6 +109,55 @@ void add_animations(std::vector<Row>& rows) {
                   Relation::at_most, 1.0, temporal_memory});
 }
 
+// What cached pictures cost, and how far they are from the truth.
+void add_pictures(std::vector<Row>& rows) {
+  const auto add = [&](std::string name, std::string what, double target, auto make) {
+    rows.push_back({std::move(name), std::move(what), Relation::at_most, target, make});
+  };
+  for (const auto& [integrator, suffix] :
+       {std::pair{"irradiance_cache", ""}, std::pair{"instant_caching", "_ic"}}) {
+    for (const Animation& animation : kAnimations) {
+      const std::string_view scene = animation.setting.scene;
+      add(fmt::format("deterministic{}_{}", suffix, scene),
+          fmt::format("indirect time of a frame of {} by {}: --deterministic / left to itself", scene,
+                      integrator),
+          1.15, [scene, integrator = integrator](const Machine& machine) {
+            return deterministic_over_free(machine, scene, integrator);
+          });
+    }
+  }
+  for (const std::string_view scene : kDiffuseScenes) {
+    add(fmt::format("records_{}", scene),
+        fmt::format("records of {} for the same root-mean-square error: occlusion Hessian / split sphere",
+                    scene),
+        0.5, [scene](const Machine& machine) { return records_at_equal_error(machine, scene); });
+    for (const std::uint32_t spp : {16u, 64u}) {
+      add(fmt::format("error_at_{}_paths_{}", spp, scene),
+          fmt::format(
+              "relative mean squared error of {} in the time of {} paths a pixel: the best cached picture / "
+              "path tracing",
+              scene, spp),
+          1.0 / 3.0,
+          [scene, spp](const Machine& machine) { return error_at_equal_time(machine, scene, spp); });
+    }
+  }
+  for (const Setting& setting : judged_scenes()) {
+    const std::string_view scene = setting.scene;
+    add(fmt::format("mean_off_{}", scene),
+        fmt::format("mean of cached {} against path tracing at equal hits: the difference as a share", scene),
+        0.005, [scene](const Machine& machine) { return mean_off(machine, scene); });
+  }
+  constexpr std::string_view kFurnace = "mean of the cached white furnace / the truth";
+  rows.push_back({"furnace_at_least", std::string(kFurnace), Relation::at_least, 0.999, furnace_mean});
+  rows.push_back({"furnace_at_most", std::string(kFurnace), Relation::at_most, 1.001, furnace_mean});
+  add("block_error",
+      fmt::format("error of means of 4 x 4 pixels of cached Cornell box, 256 rays a record, accuracy {}, as "
+                  "a share of "
+                  "the picture's mean",
+                  kBlockAccuracy),
+      0.01, block_error);
+}
+
 }  // namespace
 
 std::vector<Row> all_rows() {
@@ -148,6 +198,7 @@ std::vector<Row> all_rows() {
   add_latencies(rows);
   add_packed(rows);
   add_animations(rows);
+  add_pictures(rows);
   return rows;
 }
 

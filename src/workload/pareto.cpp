@@ -94,6 +94,8 @@ std::uint64_t seed_of(const ParetoRequest& request, unsigned repetition) {
 
 }  // namespace
 
+const IntegratorEntry& path_indirect() { return kPathIndirect; }
+
 const std::vector<ParetoMethod>& pareto_methods() {
   static const std::vector<ParetoAxis> kGathered{accuracy({0.4, 0.2, 0.1, 0.05}),
                                                  rays_per_record({16, 64, 256, 1024})};

@@ -23,6 +23,9 @@
 
 namespace icbench {
 
+/// Indirect light alone by path tracing at the pixels' centres, FrameRequest::paths of them: what all methods estimate.
+const IntegratorEntry& path_indirect();
+
 /// A parameter of a method and the values it takes; its name is the field's in the results.
 struct ParetoAxis {
   std::string_view name;

@@ -1,0 +1,294 @@
+#include "rows/cached_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "image/metrics/block_rmse.h"
+#include "image/metrics/mean_ratio.h"
+#include "image/metrics/relmse.h"
+#include "image/metrics/rmse.h"
+#include "rows/animations.h"
+#include "scene/registry.h"
+#include "workload/frame_renderer.h"
+#include "workload/pareto.h"
+#include "workload/ray_traced_plan.h"
+
+namespace icbench {
+namespace {
+
+constexpr int kJudgedWidth = 192, kJudgedHeight = 144;  // of pictures that are compared with path tracing
+constexpr int kTimedWidth = 512, kTimedHeight = 384;
+constexpr std::uint32_t kReferenceSpp = 1024;
+
+// A scene at its first frame, and the threads that render it.
+class Stage {
+ public:
+  Stage(const Machine& machine, std::string_view scene)
+      : rays_(make_scene(scene)), team_(machine.topology, Placement::compact, machine.units()) {}
+
+  const RayTracer& rays() const noexcept { return rays_; }
+
+  /// What an integrator is asked for, by default: records extrapolated by gradients at the scene's own accuracy.
+  FrameRequest request(const IntegratorEntry& integrator, std::uint64_t seed, int width, int height) {
+    return {.rays = rays_,
+            .team = team_,
+            .integrator = integrator,
+            .cache = find_cache("packed_wait_free"),
+            .width = width,
+            .height = height,
+            .interpolation = Interpolation::gradients,
+            .seed = seed};
+  }
+
+ private:
+  RayTracer rays_;
+  ThreadTeam team_;
+};
+
+float own_accuracy(std::string_view scene) { return accuracy_of(Setting{scene, 0}); }
+
+const IntegratorEntry& irradiance_cache() { return find_integrator("irradiance_cache"); }
+
+class DeterministicOverFree : public Experiment {
+ public:
+  DeterministicOverFree(const Machine& machine, std::string_view scene, std::string_view integrator)
+      : stage_(machine, scene), scene_(scene), integrator_(integrator), seed_(machine.seed) {}
+
+  Sample sample() override {
+    const bool free_first = (count_++ & 1u) != 0;
+    double free = 0.0;
+    if (free_first) free = seconds_of(false);
+    const double deterministic = seconds_of(true);
+    if (!free_first) free = seconds_of(false);
+    return {deterministic / free};
+  }
+
+ private:
+  double seconds_of(bool deterministic) {
+    FrameRequest r = stage_.request(find_integrator(integrator_), seed_, kTimedWidth, kTimedHeight);
+    r.a = own_accuracy(scene_);
+    r.vpls = 1024;
+    r.deterministic = deterministic;
+    return FrameRenderer(r).render(0).seconds_indirect;
+  }
+
+  Stage stage_;
+  std::string_view scene_, integrator_;
+  std::uint64_t seed_, count_ = 0;
+};
+
+// Pictures of a scene's first frame against path tracing at the same hits.
+class Judged : public Experiment {
+ public:
+  Judged(const Machine& machine, std::string_view scene)
+      : stage_(machine, scene),
+        seed_(machine.seed),
+        primary_(centre_hits(stage_.rays(), kJudgedWidth, kJudgedHeight)),
+        reference_(make_reference(stage_.rays(), primary_, kReferenceSpp, hash_keys(machine.seed, 1))) {}
+
+ protected:
+  struct Picture {
+    double seconds;
+    std::uint64_t records;
+    Image indirect;
+  };
+
+  std::uint64_t next_seed() noexcept { return hash_keys(seed_, 2, count_++); }
+
+  FrameRequest request(const IntegratorEntry& integrator, std::uint64_t seed) {
+    return stage_.request(integrator, seed, kJudgedWidth, kJudgedHeight);
+  }
+
+  Picture render(const FrameRequest& r) {
+    FrameRenderer renderer(r);
+    const FrameCost cost = renderer.render(0);
+    return {cost.seconds_indirect, cost.pass.records, renderer.indirect()};
+  }
+
+  /// Without the reference's own error, which is independent of the picture's; 0 where that is all there is.
+  double rmse_of(const Picture& p) const {
+    const double error = rmse(reference_.indirect, p.indirect, nullptr).front().value;
+    return std::sqrt(std::max(0.0, error * error - reference_.rmse * reference_.rmse));
+  }
+  double relmse_of(const Picture& p) const {
+    return std::max(0.0, relmse(reference_.indirect, p.indirect, nullptr).front().value - reference_.relmse);
+  }
+
+  Stage stage_;
+  std::uint64_t seed_, count_ = 0;
+  PrimaryHits primary_;
+  Reference reference_;
+};
+
+// y at x on the line through two points in logarithms.
+double between(double x, double x0, double y0, double x1, double y1) {
+  const double t = std::log(x / x0) / std::log(x1 / x0);
+  return y0 * std::pow(y1 / y0, t);
+}
+
+class RecordsAtEqualError : public Judged {
+ public:
+  using Judged::Judged;
+
+  Sample sample() override {
+    const std::uint64_t seed = next_seed();
+    const Picture split = cached(seed, Interpolation::split_sphere, 0.2f);
+    const double wanted = rmse_of(split), records = static_cast<double>(split.records);
+    double error_before = 0.0, records_before = 0.0;
+    for (const float a : {1.0f, 0.7f, 0.5f, 0.35f, 0.25f, 0.18f, 0.13f}) {
+      const Picture p = cached(seed, Interpolation::occlusion_hessian, a);
+      const double error = rmse_of(p), now = static_cast<double>(p.records);
+      if (error <= wanted) {
+        // Where the coarsest is good enough, fewer might have been.
+        const bool is_coarsest = records_before == 0.0;
+        return {(is_coarsest ? now : between(wanted, error_before, records_before, error, now)) / records};
+      }
+      error_before = error;
+      records_before = now;
+    }
+    return {records_before / records};  // not even these were enough
+  }
+
+ private:
+  Picture cached(std::uint64_t seed, Interpolation level, float a) {
+    FrameRequest r = request(irradiance_cache(), seed);
+    r.gather = 1024;
+    r.interpolation = level;
+    r.a = a;
+    return render(r);
+  }
+};
+
+class ErrorAtEqualTime : public Judged {
+ public:
+  ErrorAtEqualTime(const Machine& machine, std::string_view scene, std::uint32_t spp)
+      : Judged(machine, scene), spp_(spp) {}
+
+  Sample sample() override {
+    const std::uint64_t seed = next_seed();
+    FrameRequest traced = request(path_indirect(), seed);
+    traced.paths = spp_;
+    const Picture path = render(traced);
+    const double limit = path.seconds, error = relmse_of(path);
+    double best = std::numeric_limits<double>::infinity();
+    for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian})
+      for (const float a : {0.6f, 0.4f, 0.2f})
+        for (const std::uint32_t rays : {64u, 256u, 1024u, 4096u}) {
+          FrameRequest r = request(irradiance_cache(), seed);
+          r.gather = rays;
+          r.a = a;
+          r.interpolation = level;
+          consider(r, limit, best);
+        }
+    for (const float a : {0.4f, 0.2f})
+      for (const std::uint32_t vpls : {256u, 1024u, 4096u, 16384u}) {
+        FrameRequest r = request(find_integrator("instant_caching"), seed);
+        r.vpls = vpls;
+        r.a = a;
+        consider(r, limit, best);
+      }
+    if (!std::isfinite(best)) return {0.0, "no cached picture was as fast"};
+    return {best / error};
+  }
+
+ private:
+  // Dearer settings than one that took too long are measured all the same: time depends on rays and records both.
+  void consider(const FrameRequest& r, double limit, double& best) {
+    const Picture p = render(r);
+    if (p.seconds <= limit) best = std::min(best, relmse_of(p));
+  }
+
+  std::uint32_t spp_;
+};
+
+class MeanOff : public Judged {
+ public:
+  MeanOff(const Machine& machine, std::string_view scene) : Judged(machine, scene), scene_(scene) {}
+
+  Sample sample() override {
+    FrameRequest r = request(irradiance_cache(), next_seed());
+    r.gather = 1024;
+    r.a = own_accuracy(scene_);
+    const Picture p = render(r);
+    return {std::fabs(mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0)};
+  }
+
+ private:
+  std::string_view scene_;
+};
+
+class BlockError : public Judged {
+ public:
+  explicit BlockError(const Machine& machine) : Judged(machine, "cornell_box") {}
+
+  Sample sample() override {
+    FrameRequest r = request(irradiance_cache(), next_seed());
+    r.gather = 256;
+    r.a = kBlockAccuracy;
+    r.light_samples = 64;
+    FrameRenderer renderer(r);
+    renderer.render(0);
+    // The same direct light in both, so that only the cached part is judged, as a share of the whole picture's mean.
+    const Image& picture = renderer.picture();
+    Image truth = picture;
+    for (std::size_t i = 0; i < truth.pixels.size(); ++i)
+      truth.pixels[i] += reference_.indirect.pixels[i] - renderer.indirect().pixels[i];
+    return {block_rmse(truth, picture, nullptr).front().value};
+  }
+};
+
+class FurnaceMean : public Experiment {
+ public:
+  explicit FurnaceMean(const Machine& machine) : stage_(machine, "white_furnace"), seed_(machine.seed) {}
+
+  Sample sample() override {
+    constexpr double kTruth = 0.25;  // albedo^2
+    FrameRequest r =
+        stage_.request(irradiance_cache(), hash_keys(seed_, count_++), kJudgedWidth, kJudgedHeight);
+    r.gather = 4096;
+    FrameRenderer renderer(r);
+    renderer.render(0);
+    double sum = 0.0;
+    for (const glm::vec3& L : renderer.indirect().pixels) sum += L.x + L.y + L.z;
+    const double mean = sum / (3.0 * static_cast<double>(renderer.indirect().pixels.size()));
+    return {mean / kTruth};
+  }
+
+ private:
+  Stage stage_;
+  std::uint64_t seed_, count_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
+                                                    std::string_view integrator) {
+  return std::make_unique<DeterministicOverFree>(machine, scene, integrator);
+}
+
+std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene) {
+  return std::make_unique<RecordsAtEqualError>(machine, scene);
+}
+
+std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
+                                                std::uint32_t spp) {
+  return std::make_unique<ErrorAtEqualTime>(machine, scene, spp);
+}
+
+std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene) {
+  return std::make_unique<MeanOff>(machine, scene);
+}
+
+std::unique_ptr<Experiment> furnace_mean(const Machine& machine) {
+  return std::make_unique<FurnaceMean>(machine);
+}
+
+std::unique_ptr<Experiment> block_error(const Machine& machine) {
+  return std::make_unique<BlockError>(machine);
+}
+
+}  // namespace icbench

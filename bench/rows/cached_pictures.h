@@ -1,0 +1,44 @@
+// What cached pictures cost and how far they are from the truth, scene by scene.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string_view>
+
+#include "rows/row.h"
+
+namespace icbench {
+
+/// The thesis's scenes without mirrors and glass.
+inline constexpr std::array<std::string_view, 11> kDiffuseScenes{
+    "cornell_box", "wobble",     "desk",    "bunnies_1",        "bunnies_2", "bunnies_4",
+    "bunnies_9",   "conference", "sibenik", "cornell_indirect", "office"};
+
+/// Indirect time of a cached picture, deterministic, over that of one left to itself. A sample is a frame of either.
+std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
+                                                    std::string_view integrator);
+
+/// Records that the occlusion Hessian needs over those that the split sphere needs for the same root-mean-square error
+/// against path tracing, reference's own error taken out. A sample is one seed. Needs no quiet.
+std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene);
+
+/// Relative mean squared error of the best cached picture that takes no longer than path tracing with `spp` samples,
+/// over that of the latter; the reference's own taken out of both. A sample is one seed.
+std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
+                                                std::uint32_t spp);
+
+/// How far the mean of a cached picture, extrapolated by gradients, lies from path tracing's, as a share of it. A sample
+/// is one seed. Needs no quiet.
+std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene);
+
+/// Mean of a cached picture of the white furnace over albedo^2, the truth. A sample is one seed.
+std::unique_ptr<Experiment> furnace_mean(const Machine& machine);
+
+inline constexpr float kBlockAccuracy = 0.04f;
+
+/// Root-mean-square error of the means of 4 x 4 pixels of a cached Cornell box, 256 rays a record at kBlockAccuracy, as a
+/// share of the picture's mean, direct light included. A sample is one seed. Needs no quiet.
+std::unique_ptr<Experiment> block_error(const Machine& machine);
+
+}  // namespace icbench
