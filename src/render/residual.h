@@ -9,9 +9,9 @@
 // (The Horvitz-Thompson estimator of a total by Poisson sampling, Sarndal et al. 1992, chapter 3, in two stages.) Two
 // paths instead of one are what makes V exact wherever bias differs from pixel to pixel, and b^2 known at all.
 //
-// So the mean of Y over the picture is its bias with an error bar, and Y added to the picture, as a signed layer, makes
-// it unbiased. Everything is conditional on the picture: V is the variance of the paths, not of the records that the
-// picture happened to get.
+// So the mean of Y over the picture is what it lacks, minus its bias, with an error bar; and Y added to the picture, as
+// a signed layer, makes it unbiased. Everything is conditional on the picture: V is the variance of the paths, not of
+// the records that the picture happened to get.
 //
 // Costs: the paths, and a list of the pixels drawn in one sample (28 bytes each, twice while it is put in order); with
 // the layer kept, 16 bytes for every pixel drawn so far. Results are the same bit for bit for any number of threads.

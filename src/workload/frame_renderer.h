@@ -36,9 +36,8 @@ struct FrameRequest {
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
   bool deterministic = false;                            ///< cached pictures too depend on no schedule
   bool overture = false;                                 ///< all records are made before the picture is
-  float residual_share =
-      0.0f;  ///< probability that a pixel is drawn for the residual (render/residual.h); 0: none
-  bool keeps_residual = false;  ///< its layer as well as its figures
+  float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
+  bool keeps_residual = false;  ///< its layer, too
 };
 
 /// What a frame cost.
