@@ -282,7 +282,7 @@ class Interrupted(Case):
 
     def test_killed_runs_of_one_seed_go_on(self):
         plan = Plan([], [], [], 0)
-        options = {"caches": "wait_free,local_write", "repetitions": 40, "threads": 1}
+        options = {"caches": "wait_free,local_write", "repetitions": 40, "threads": 1, "scene": "white_furnace"}
         plan.arguments = [*small_repeatability(**options, out="r.json"), "--resume"]
         self.succeed(*small_repeatability(**options, out="whole.json"))
         fields = ["rms_to_single", "rms_to_last_run", "rmse", "error", "records_made"]

@@ -216,20 +216,20 @@ class Render(Case):
             self.assertLess(figures["rmse"], 0.2)
 
     def residual_of(self, **changes):
-        self.succeed(*small_render(json="a.json", **{"residual": 1, **changes}))
+        """What the JSON tells, of a scene with mirrors and glass."""
+        self.succeed(*small_render(scene="cornell_specular", json="a.json", **{"residual": 1, **changes}))
         return self.load("a.json")
 
     def test_with_its_residual_every_method_has_the_light_of_path_tracing(self):
         """Every pixel drawn, what is added makes the mean that of the same paths, whatever was there."""
-        scene = "cornell_specular"  # mirrors and glass, too
         # With no indirect light of its own, all of it is missing.
-        truth = self.residual_of(scene=scene, integrator="whitted")
+        truth = self.residual_of(integrator="whitted")
         self.assertEqual(truth["indirect_mean"], 0)
         self.assertIsNone(truth["residual_mean_share"])
         for integrator in ("irradiance_cache", "instant_caching", "temporal_instant_caching", "hash_cells",
                            "instant_gi", "instant_gi_interleaved"):
             with self.subTest(integrator):
-                mine = self.residual_of(scene=scene, integrator=integrator, accuracy=0.4, vpls=16)
+                mine = self.residual_of(integrator=integrator, accuracy=0.4, vpls=16)
                 self.assertGreater(mine["indirect_mean"], 0)
                 self.assertAlmostEqual(mine["indirect_mean"] + mine["residual_mean"], truth["residual_mean"],
                                        delta=1e-5 * truth["residual_mean"])
@@ -251,7 +251,8 @@ class Render(Case):
         rmse = {}
         for unbiased in (), ("--unbiased",):
             for name, changes in ("a", {"rays": 4}), ("b", {"integrator": "instant_caching", "vpls": 8}):
-                self.succeed(*small_render(residual=1, out=f"{name}.exr", **changes), *unbiased)
+                self.succeed(*small_render(scene="cornell_specular", residual=1, out=f"{name}.exr", **changes),
+                             *unbiased)
             self.succeed("compare", "a.exr", "b.exr", "--metrics", "rmse", "--json", "f.json")
             rmse[unbiased] = self.load("f.json")["rmse"]
         self.assertLess(rmse["--unbiased",], 1e-5)
@@ -259,15 +260,16 @@ class Render(Case):
 
     def test_threads_change_no_bit_of_the_layer_where_the_picture_does_not_race(self):
         for threads in 1, 3:
-            self.succeed(*small_render(size="40x24", integrator="hash_cells", residual=0.3, threads=threads, spp=3,
-                                       out=f"{threads}.exr", **{"residual-out": f"layer_{threads}.exr"}))
+            self.succeed(*small_render(scene="cornell_specular", size="40x24", integrator="hash_cells", residual=0.3,
+                                       threads=threads, spp=3, out=f"{threads}.exr",
+                                       **{"residual-out": f"layer_{threads}.exr"}))
         read = lambda name: (self.folder / name).read_bytes()
         self.assertEqual(read("layer_1.exr"), read("layer_3.exr"))
         self.assertEqual(read("1.exr"), read("3.exr"))
 
     def test_the_residual_changes_no_bit_of_the_picture(self):
         for name, extra in ("a.exr", ()), ("b.exr", ("--residual", "0.5")):
-            self.succeed(*small_render(threads=1, out=name), *extra)
+            self.succeed(*small_render(scene="cornell_specular", threads=1, out=name), *extra)
         self.assertEqual((self.folder / "a.exr").read_bytes(), (self.folder / "b.exr").read_bytes())
 
     def test_overwrites_its_own_pictures(self):
