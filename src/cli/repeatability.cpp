@@ -56,9 +56,9 @@ std::vector<const CacheEntry*> caches_of(const std::string& text) {
   return out;
 }
 
-const IntegratorEntry& integrator_of(const std::string& name) {
-  const IntegratorEntry& integrator = find_integrator(name);
-  if (integrator.needs_cache()) return integrator;
+/// Throws unless there is an integrator of that name, and one that uses a cache.
+void require_cached(const std::string& name) {
+  if (find_integrator(name).needs_cache()) return;
   std::vector<std::string_view> known;
   for (const IntegratorEntry& entry : kIntegrators)
     if (entry.needs_cache()) known.push_back(entry.name);
@@ -93,7 +93,7 @@ void print_summary(const std::vector<Json>& rows) {
 }
 
 void repeatability_command(const RepeatabilityOptions& o) {
-  integrator_of(o.frame.integrator);
+  require_cached(o.frame.integrator);
   const std::vector<const CacheEntry*> caches = caches_of(o.caches);
   FrameOptions frame = o.frame;
   frame.threads = 1;  // of what all teams share
