@@ -68,6 +68,7 @@ kMethodStyles = {
     "irradiance_cache_neighbours": CacheStyle(kPurple, "d", kDashDot, hollow=True),
     "irradiance_cache_geometric": CacheStyle(kGrey, "v", kDashed),
     "irradiance_cache_occlusion": CacheStyle(kGrey, "*", kSolid),
+    "irradiance_cache_overture": CacheStyle(kGrey, "*", kDashed, hollow=True),
     "instant_caching": CacheStyle(kGreen, "^", kSolid),
     "instant_caching_gradients": CacheStyle(kGreen, "^", kDashed, hollow=True),
     "temporal_instant_caching": CacheStyle(kBlue, "o", kSolid),

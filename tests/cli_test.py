@@ -195,6 +195,17 @@ class Render(Case):
             pictures.add((self.folder / "a.exr").read_bytes())
         self.assertEqual(len(pictures), 1)
 
+    def test_deterministic_pictures_depend_on_neither_threads_nor_cache(self):
+        pictures, records = set(), set()
+        for threads, cache in (1, "wait_free"), (5, "packed_local_write"):
+            self.succeed(*small_render(size="48x32", threads=threads, cache=cache, out="a.exr", json="a.json"),
+                         "--deterministic", "--overture")
+            pictures.add((self.folder / "a.exr").read_bytes())
+            cost = self.load("a.json")
+            records.add(cost["records"])
+            self.assertTrue(cost["deterministic"] and cost["overture"])
+        self.assertEqual((len(pictures), len(records)), (1, 1))
+
     def test_one_thread_repeats_itself_and_the_seed_matters(self):
         def picture(seed):
             self.succeed(*small_render(threads=1, seed=seed, out="a.exr"))

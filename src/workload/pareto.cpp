@@ -66,6 +66,11 @@ void interpolate(FrameRequest& r) {
   r.interpolation = kLevel;
 }
 
+void interpolate_after_overture(FrameRequest& r) {
+  r.interpolation = Interpolation::occlusion_hessian;
+  r.overture = true;
+}
+
 std::string_view to_string(Interpolation level) {
   const auto at = std::find_if(kInterpolations.begin(), kInterpolations.end(),
                                [&](const InterpolationEntry& e) { return e.level == level; });
@@ -115,6 +120,7 @@ const std::vector<ParetoMethod>& pareto_methods() {
       {"irradiance_cache_neighbours", cache, kGathered, interpolate<Interpolation::neighbour_clamping>},
       {"irradiance_cache_geometric", cache, kGathered, interpolate<Interpolation::geometric_hessian>},
       {"irradiance_cache_occlusion", cache, kGathered, interpolate<Interpolation::occlusion_hessian>},
+      {"irradiance_cache_overture", cache, kGathered, interpolate_after_overture},
       {"instant_caching", ic, kInstant},
       {"instant_caching_gradients", ic, kInstant, interpolate<Interpolation::gradients>},
       {"temporal_instant_caching", tic, kInstant, nullptr, kWarm},
