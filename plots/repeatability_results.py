@@ -29,6 +29,8 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
     rows = rows[rows["rms_to_single"].notna() & (rows["mean"] > 0) & (rows["threads"] > 0)]
     if rows.empty:
         raise InputError(f"{path}: no row has both a difference and a mean")
+    if "deterministic" in rows:  # another mode beside the same integrator
+        rows["integrator"] += rows["deterministic"].map(lambda on: ", deterministic" if on else "")
     return context, rows.astype({"threads": int})
 
 

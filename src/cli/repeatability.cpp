@@ -199,6 +199,8 @@ void add_repeatability(CLI::App& app) {
   add_text("--interpolation", f.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");
+  command->add_flag("--deterministic", f.deterministic,
+                    "Pictures as icbench render --deterministic makes them: all\ndifferences are 0");
   add_text("--tiles", f.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(command, "--repetitions", o->repetitions, 1u, 100'000u,
             "Runs of every cache on every number of threads, all of one seed");

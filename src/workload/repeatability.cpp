@@ -67,8 +67,9 @@ RepeatabilityStudy::RepeatabilityStudy(const RepeatabilityRequest& request, cons
 }
 
 std::string RepeatabilityStudy::name_of(const RepeatabilityPoint& point) const {
-  return fmt::format("repeatability/{}/{}/{}/threads:{}", request_.scene, request_.frame.integrator.name,
-                     point.cache->traits.name, point.threads);
+  return fmt::format("repeatability/{}/{}{}/{}/threads:{}", request_.scene, request_.frame.integrator.name,
+                     request_.frame.deterministic ? "/deterministic" : "", point.cache->traits.name,
+                     point.threads);
 }
 
 FrameRequest RepeatabilityStudy::request_of(const RepeatabilityPoint& point) {
@@ -129,6 +130,7 @@ Entry RepeatabilityStudy::run(const RepeatabilityPoint& point, unsigned repetiti
   auto& c = entry.counters;
   c["scene"] = request_.scene;
   c["integrator"] = integrator.name;
+  c["deterministic"] = f.deterministic;
   c["cache"] = point.cache->traits.name;
   c["mechanism"] = point.cache->traits.mechanism;
   c["single_thread"] = point.cache->traits.single_thread;
