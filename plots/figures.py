@@ -7,6 +7,7 @@ import lock_wait
 import pareto
 import promises
 import redundant_records
+import repeatability
 import speed_error
 import speedup
 import steps
@@ -23,6 +24,8 @@ FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, content
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.
 PARETO_FIGURES = [pareto.FIGURE]
+# Of what icbench repeatability measured.
+REPEATABILITY_FIGURES = [repeatability.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.

@@ -102,24 +102,32 @@ def points(measured: Measured) -> pd.DataFrame:
     return table
 
 
-def _read(path: Path) -> tuple[dict, pd.DataFrame]:
-    data = read_json(path, "icbench pareto --out FILE", "a file of `icbench pareto`")
+def read_rows(path: Path, command: str, files: str, needed) -> tuple[dict, pd.DataFrame]:
+    """The context and the rows, at least one, of a results file whose rows have the columns `needed`. Raises
+    InputError; `files` says what is expected.
+    """
+    data = read_json(path, f"{command} --out FILE", f"a file of `{command}`")
     entries = data.get("benchmarks") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not isinstance(data.get("context"), dict):
-        raise InputError(f"{path}: no \"context\" and \"benchmarks\"; {kFiles} are expected")
+        raise InputError(f"{path}: no \"context\" and \"benchmarks\"; {files} are expected")
     rows = pd.DataFrame.from_records([e for e in entries if isinstance(e, dict)])
     if rows.empty:
-        raise InputError(f"{path}: no rows; run icbench pareto again with --resume")
-    missing = [n for n in ("name", "repetition_index", *kNeeded) if n not in rows]
+        raise InputError(f"{path}: no rows; run {command} again with --resume")
+    missing = [n for n in ("name", "repetition_index", *needed) if n not in rows]
     if missing:
-        raise InputError(f"{path}: its rows have no \"{missing[0]}\"; {kFiles} are expected")
+        raise InputError(f"{path}: its rows have no \"{missing[0]}\"; {files} are expected")
+    return data["context"], rows
+
+
+def _read(path: Path) -> tuple[dict, pd.DataFrame]:
+    context, rows = read_rows(path, "icbench pareto", kFiles, kNeeded)
     rows["setting"] = rows["name"].astype(str).map(setting_of)
     for name in {*kErrors, *kOthers, *kOfLast, *kReference, "seconds_indirect", "repetition_index"} & set(rows):
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
     rows = rows[(rows["seconds_indirect"] > 0) & rows["relmse"].notna()]
     if rows.empty:
         raise InputError(f"{path}: no row has both a time and an error")
-    return data["context"], rows
+    return context, rows
 
 
 def _pictures(path: Path, context: dict) -> Pictures | None:
@@ -136,25 +144,33 @@ def _pictures(path: Path, context: dict) -> Pictures | None:
     return Pictures(folder, index)
 
 
-def load(paths) -> list[Measured]:
-    """Raises InputError for a file that is none of icbench pareto."""
+def pool(paths, read, name: str) -> list[Measured]:
+    """What files hold, one Measured for each machine and build, with slugs of `name`. `read` makes context and rows of
+    a file; rows that several files share count once.
+    """
     groups: dict[tuple, Measured] = {}
     for path in dict.fromkeys(Path(p).resolve() for p in paths):
-        context, rows = _read(path)
+        context, rows = read(path)
         key = tuple(json.dumps(context.get(k), sort_keys=True) for k in kIdentityKeys)
         number = len(groups) + 1
         label = str(context.get("host_name") or context.get("cpu_model") or "unknown machine")
-        one = groups.setdefault(key, Measured(label, "pareto" if number == 1 else f"pareto-{number}"))
+        one = groups.setdefault(key, Measured(label, name if number == 1 else f"{name}-{number}"))
         one.contexts.append(context)
         one.paths.append(path)
         one.rows = pd.concat([one.rows, rows], ignore_index=True)
-        if found := _pictures(path, context):
-            one.pictures.append(found)
     for one in groups.values():
         again = one.rows.duplicated(["name", "repetition_index", "real_time", "seed"] if {"real_time", "seed"}
                                     <= set(one.rows) else ["name", "repetition_index"])
         one.rows = one.rows[~again].reset_index(drop=True)
     return list(groups.values())
+
+
+def load(paths) -> list[Measured]:
+    """Raises InputError for a file that is none of icbench pareto."""
+    found = pool(paths, _read, "pareto")
+    for one in found:
+        one.pictures = [p for p in map(_pictures, one.paths, one.contexts) if p]
+    return found
 
 
 def method_order(names) -> list[str]:

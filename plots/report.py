@@ -17,10 +17,12 @@ import correctness
 import correctness_page
 import pareto_page
 import pareto_results
+import repeatability_page
+import repeatability_results
 import tables
 from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
-from figures import CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES
+from figures import CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
 from findings import Finding, findings
 from inline import data_uri, drawing
 from over_threads import cache_rows
@@ -30,6 +32,7 @@ from tables import note_line, text
 kTemplate = Path(__file__).resolve().parent / "template.html"
 kVerdicts = "correctness.json"
 kPareto = "pareto*.json"
+kRepeatability = "repeatability*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -201,20 +204,20 @@ def _verdicts_beside(paths: list[Path]) -> list[Path]:
     return [folder / kVerdicts for folder in folders if (folder / kVerdicts).exists()]
 
 
-def _pareto_beside(paths: list[Path]) -> list[Path]:
-    """The files of icbench pareto in the folders of the results."""
+def _beside(paths: list[Path], pattern: str) -> list[Path]:
+    """The files of that name in the folders of the results, but for those of an earlier run."""
     folders = dict.fromkeys(path.resolve().parent for path in paths)
-    return [path for folder in folders for path in sorted(folder.glob(kPareto))
+    return [path for folder in folders for path in sorted(folder.glob(pattern))
             if not path.name.endswith(".previous.json")]
 
 
-def _pareto(found: list[pareto_results.Measured], out: Path) -> str:
-    """A section for each machine that icbench pareto ran on."""
+def _measured(found: list[pareto_results.Measured], figures: list, page, out: Path) -> str:
+    """A section by `page` for each machine that another command of icbench ran on."""
     made = ""
     for one in found:
-        drawn, left_out = _draw(PARETO_FIGURES, one, folder_of(one, found, out / "figures"))
-        figures = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
-        made += pareto_page.section(one, one.slug, figures + "".join(map(note_line, left_out)))
+        drawn, left_out = _draw(figures, one, folder_of(one, found, out / "figures"))
+        shown = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
+        made += page.section(one, one.slug, shown + "".join(map(note_line, left_out)))
     return made
 
 
@@ -228,14 +231,16 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
     return made or correctness_page.absent()
 
 
-def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], out: Path, command: str) -> Path:
+def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path], out: Path,
+          command: str) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
-    `verdicts` are files of icstress, `pareto` of icbench pareto.
+    `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
     compared = pareto_results.load(pareto)
+    repeated = repeatability_results.load(repeatability)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -252,9 +257,11 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], out: Path
     body += "".join(map(correctness_page.alarm, checked))
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
-        further = {one.slug: "All methods" for one in compared[:1]} | {"correctness": "Correctness"}
+        further = {one.slug: "All methods" for one in compared[:1]}
+        further |= {one.slug: "What threads add" for one in repeated[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
-    body += _pareto(compared, out)
+    body += _measured(compared, PARETO_FIGURES, pareto_page, out)
+    body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
@@ -268,12 +275,15 @@ def main() -> int:
                          help=f"JSON of icstress (default: {kVerdicts} beside RESULTS, if it is there)")
     options.add_argument("--pareto", action="append", metavar="FILE", type=Path,
                          help=f"results of icbench pareto (default: {kPareto} beside RESULTS)")
+    options.add_argument("--repeatability", action="append", metavar="FILE", type=Path,
+                         help=f"results of icbench repeatability (default: {kRepeatability} beside RESULTS)")
     arguments = options.parse_args()
     verdicts = arguments.correctness or _verdicts_beside(arguments.results)
-    pareto = arguments.pareto or _pareto_beside(arguments.results)
+    pareto = arguments.pareto or _beside(arguments.results, kPareto)
+    repeatability = arguments.repeatability or _beside(arguments.results, kRepeatability)
     out = arguments.out or arguments.results[0].parent
     try:
-        print(build(arguments.results, verdicts, pareto, out, shlex.join(sys.argv)))
+        print(build(arguments.results, verdicts, pareto, repeatability, out, shlex.join(sys.argv)))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

@@ -7,7 +7,8 @@ import resource
 import subprocess
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_pareto, small_render, small_sweep
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_pareto, small_render, small_repeatability,
+                         small_sweep)
 
 
 class BadInput(Case):
@@ -39,6 +40,8 @@ class BadInput(Case):
                 (["pareto", "--grid", "corse"], "coarse"),
                 (["pareto", "--scene", "cornel_box"], "cornell_box"),
                 (["pareto", "--cache", "waitfree"], "wait_free"),
+                (["repeatability", "--caches", "wait_free,waitfree_snapshot"], "wait_free_snapshot"),
+                (["repeatability", "--integrator", "instant_cachin"], "instant_caching"),
                 (["compare", "a", "b", "--metrics", "rmse,relmes"], "relmse")):
             with self.subTest(arguments):
                 self.refuse(*arguments, says=["unknown", f"did you mean '{nearest}'?"])
@@ -73,6 +76,7 @@ class BadInput(Case):
             "--accuracy": ["0", "-1", "nan", "2", "x"],
             "--exposure": ["0", "-1", "nan", "inf", ""],
             "--cell-size": ["0", "-1", "nan", "1e9"],
+            "--residual": ["0", "-0.1", "1.01", "nan", ""],
             "--paths": ["0", "-1", "1.5"],
             "--tiles": ["foo"],
             "--placement": ["foo"],
@@ -84,8 +88,16 @@ class BadInput(Case):
             "--reference-spp": ["1", "0"],
             "--frame": ["-1", "100", "1.5"],
         }
+        repeatability = {
+            "--threads": ["1,,2", "2,2"],
+            "--caches": ["", "null,null"],
+            "--repetitions": ["0", "x"],
+            "--reference-spp": ["1", "0"],
+            "--frame": ["-1", "100"],
+            "--accuracy": ["0", "2"],
+        }
         for command, options in ("sweep", [numbers, sweep]), ("render", [numbers, render]), (
-                "pareto", [numbers, pareto]):
+                "pareto", [numbers, pareto]), ("repeatability", [numbers, repeatability]):
             for option, values in itertools.chain.from_iterable(o.items() for o in options):
                 for value in values:
                     with self.subTest(command=command, option=option, value=value):
@@ -115,6 +127,20 @@ class BadInput(Case):
             self.refuse("render", "--integrator", integrator, "--leak-guard",
                         says=["--leak-guard", integrator, "irradiance_cache"])
 
+    def test_residuals_that_cannot_be_kept(self):
+        for arguments, part in ((["--unbiased"], "--unbiased needs --residual"),
+                                (["--residual-out", "a.exr"], "--residual-out needs --residual"),
+                                (["--residual", "1", "--residual-out", "a.png"], "must end in .exr"),
+                                (["--residual", "1", "--residual-out", "missing/a.exr"], "missing"),
+                                (["--residual", "1", "--residual-out", "render.exr"], "the picture's own file"),
+                                (["--residual", "1", "--unbiased", "--out", "a.png"], "negative values")):
+            with self.subTest(arguments):
+                self.refuse("render", *arguments, says=[part])
+
+    def test_repeatability_is_of_integrators_with_a_cache(self):
+        for integrator in "path", "hash_cells":
+            self.refuse("repeatability", "--integrator", integrator, says=["uses no cache", "irradiance_cache"])
+
     def test_outputs_that_cannot_be_written(self):
         (self.folder / "folder.exr").mkdir()
         self.succeed(*small_render(out="picture.exr"))
@@ -127,6 +153,7 @@ class BadInput(Case):
         for place in places:
             for arguments in (small_sweep(out=place), small_render(out=place),
                               small_render(json=place), small_pareto(out=place),
+                              small_repeatability(out=place),
                               ["compare", "picture.exr", "picture.exr", "--json", place]):
                 with self.subTest(arguments):
                     before = self.contents()

@@ -14,7 +14,8 @@ import subprocess
 import time
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_pareto, small_sweep
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_pareto, small_repeatability,
+                         small_sweep)
 
 KILLS = int(os.environ.get("ICBENCH_KILLS", 12))
 
@@ -278,6 +279,28 @@ class Interrupted(Case):
         self.assertEqual(told("r.json"), whole)
         self.refuse(*small_pareto(repetitions=4, threads=1, out="r.json", size="25x24"), "--resume",
                     says=["cannot resume", "size is"])
+
+    def test_killed_runs_of_one_seed_go_on(self):
+        plan = Plan([], [], [], 0)
+        options = {"caches": "wait_free,local_write", "repetitions": 40, "threads": 1, "scene": "white_furnace"}
+        plan.arguments = [*small_repeatability(**options, out="r.json"), "--resume"]
+        self.succeed(*small_repeatability(**options, out="whole.json"))
+        fields = ["rms_to_single", "rms_to_last_run", "rmse", "error", "records_made"]
+
+        def told(name):
+            return {key_of(row): [row.get(f) for f in fields] for row in self.load(name)["benchmarks"]}
+
+        whole = told("whole.json")
+        (self.folder / "whole.json").unlink()
+        plan.keys = whole.keys()
+        process = self.start(plan)
+        self.wait_for_rows(process, 5)
+        process.kill()
+        self.assertNotEqual(process.wait(PATIENCE), 0)
+        self.assert_completes(plan, self.safe_rows())
+        self.assertEqual(told("r.json"), whole)
+        self.refuse(*small_repeatability(**options, out="r.json", seed=2), "--resume",
+                    says=["cannot resume", "seed is"])
 
     def test_two_sweeps_never_share_a_file(self):
         process = self.start(SLOW)

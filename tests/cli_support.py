@@ -46,6 +46,12 @@ def small_pareto(**changes):
                                    "repetitions": 1, "reference-spp": 4}, changes)
 
 
+def small_repeatability(**changes):
+    """Arguments of a few small pictures by one cache."""
+    return arguments_of("repeatability", {"caches": "wait_free", "threads": "1,3", "size": "24x24", "rays": 4,
+                                          "repetitions": 2, "reference-spp": 4}, changes)
+
+
 class Case(unittest.TestCase):
     """A test in a folder of its own."""
 

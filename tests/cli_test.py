@@ -10,7 +10,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, write_white_png
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, small_repeatability,
+                         write_white_png)
 
 
 class Sweep(Case):
@@ -225,6 +226,63 @@ class Render(Case):
             self.assertAlmostEqual(figures["mean_ratio"], 1, delta=0.02)
             self.assertLess(figures["rmse"], 0.2)
 
+    def residual_of(self, **changes):
+        """What the JSON tells, of a scene with mirrors and glass."""
+        self.succeed(*small_render(scene="cornell_specular", json="a.json", **{"residual": 1, **changes}))
+        return self.load("a.json")
+
+    def test_with_its_residual_every_method_has_the_light_of_path_tracing(self):
+        """Every pixel drawn, what is added makes the mean that of the same paths, whatever was there."""
+        # With no indirect light of its own, all of it is missing.
+        truth = self.residual_of(integrator="whitted")
+        self.assertEqual(truth["indirect_mean"], 0)
+        self.assertIsNone(truth["residual_mean_share"])
+        for integrator in ("irradiance_cache", "instant_caching", "temporal_instant_caching", "hash_cells",
+                           "instant_gi", "instant_gi_interleaved"):
+            with self.subTest(integrator):
+                mine = self.residual_of(integrator=integrator, accuracy=0.4, vpls=16)
+                self.assertGreater(mine["indirect_mean"], 0)
+                self.assertAlmostEqual(mine["indirect_mean"] + mine["residual_mean"], truth["residual_mean"],
+                                       delta=1e-5 * truth["residual_mean"])
+        self.assertGreater(mine["residual_samples"], 0)
+        self.assertGreater(mine["residual_rays"], 0)
+        blocks = mine["residual_blocks"]
+        self.assertEqual([blocks["edge"], blocks["columns"], blocks["rows"]], [2, 8, 8])
+        self.assertEqual([len(blocks["mean"]), len(blocks["standard_error"])], [64, 64])
+        self.assertAlmostEqual(statistics.mean(blocks["mean"]), mine["residual_mean"], delta=1e-6)
+        self.assertAlmostEqual(statistics.mean(mine["residual_mean_rgb"]), mine["residual_mean"], delta=1e-6)
+
+    def test_path_tracing_lacks_nothing(self):
+        f = self.residual_of(integrator="path", spp=64)
+        self.assertLess(abs(f["residual_mean"]), 4 * f["residual_standard_error"])
+        self.assertLess(4 * f["residual_standard_error"], 0.1 * f["indirect_mean"])
+
+    def test_unbiased_pictures_agree(self):
+        """All direct light is the same, and all indirect light that of the same paths."""
+        rmse = {}
+        for unbiased in (), ("--unbiased",):
+            for name, changes in ("a", {"rays": 4}), ("b", {"integrator": "instant_caching", "vpls": 8}):
+                self.succeed(*small_render(scene="cornell_specular", residual=1, out=f"{name}.exr", **changes),
+                             *unbiased)
+            self.succeed("compare", "a.exr", "b.exr", "--metrics", "rmse", "--json", "f.json")
+            rmse[unbiased] = self.load("f.json")["rmse"]
+        self.assertLess(rmse["--unbiased",], 1e-5)
+        self.assertGreater(rmse[()], 0.01)
+
+    def test_threads_change_no_bit_of_the_layer_where_the_picture_does_not_race(self):
+        for threads in 1, 3:
+            self.succeed(*small_render(scene="cornell_specular", size="40x24", integrator="hash_cells", residual=0.3,
+                                       threads=threads, spp=3, out=f"{threads}.exr",
+                                       **{"residual-out": f"layer_{threads}.exr"}))
+        read = lambda name: (self.folder / name).read_bytes()
+        self.assertEqual(read("layer_1.exr"), read("layer_3.exr"))
+        self.assertEqual(read("1.exr"), read("3.exr"))
+
+    def test_the_residual_changes_no_bit_of_the_picture(self):
+        for name, extra in ("a.exr", ()), ("b.exr", ("--residual", "0.5")):
+            self.succeed(*small_render(scene="cornell_specular", threads=1, out=name), *extra)
+        self.assertEqual((self.folder / "a.exr").read_bytes(), (self.folder / "b.exr").read_bytes())
+
     def test_overwrites_its_own_pictures(self):
         (self.folder / "a.png").write_text(PRECIOUS)
         self.succeed(*small_render(out="a.png"))
@@ -420,6 +478,80 @@ class Pareto(Case):
         self.assertEqual(one, many)
         seeds = {row["repetition_index"]: row["seed"] for row in self.rows}
         self.assertEqual(len(set(seeds.values())), 3, "runs are to be independent")
+
+
+class Repeatability(Case):
+    """Pictures of one seed by every cache, with one thread and with three."""
+
+    KINDS = ["rms_to_single", "rms_to_last_run", "rms_to_fewer_threads"]
+
+    @classmethod
+    def setUpClass(cls):
+        with tempfile.TemporaryDirectory(prefix="icbench-cli-") as folder:
+            listed = subprocess.run([ICBENCH, "list", "caches", "--json"], capture_output=True, text=True,
+                                    timeout=PATIENCE, check=True)
+            cls.caches = {cache["name"]: cache for cache in json.loads(listed.stdout)}
+            done = subprocess.run(
+                [ICBENCH, *small_repeatability(caches=",".join(cls.caches), repetitions=3, out="r.json",
+                                               **{"reference-spp": 64})],
+                cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
+            if done.returncode != 0:
+                raise AssertionError(done.stderr)
+            results = json.loads((Path(folder) / "r.json").read_text())
+        cls.printed, cls.said = done.stdout, done.stderr
+        cls.context, cls.rows = results["context"], results["benchmarks"]
+
+    def test_every_cache_on_every_number_of_threads_and_those_for_one_with_one(self):
+        self.assertIs(self.context["complete"], True)
+        expected = set()
+        for name, cache in self.caches.items():
+            for threads in (1,) if cache["single_thread"] else (1, 3):
+                expected |= {(f"repeatability/cornell_box/irradiance_cache/{name}/threads:{threads}", i)
+                             for i in range(3)}
+            self.assertEqual(f"note: {name} serves one thread" in self.said, cache["single_thread"], name)
+        self.assertEqual(sorted(map(key_of, self.rows)), sorted(expected))
+        for name, _ in expected:
+            self.assertIn(name, self.printed)
+
+    def test_with_one_thread_nothing_is_left_to_chance(self):
+        for row in self.rows:
+            if row["threads"] != 1:
+                continue
+            with self.subTest(row["name"]):
+                self.assertEqual(row["rms_to_single"], 0)
+                self.assertEqual(row.get("rms_to_last_run", 0), 0)
+                self.assertEqual(row["redundant_records"], 0)
+                self.assertEqual("rms_to_last_run" in row, row["repetition_index"] > 0)
+                self.assertNotIn("rms_to_fewer_threads", row)
+
+    def test_without_a_cache_threads_change_nothing(self):
+        mine = [row for row in self.rows if row["cache"] == "null" and row["threads"] == 3]
+        self.assertEqual(len(mine), 3)
+        for row in mine:
+            self.assertEqual([row["rms_to_single"], row["rms_to_fewer_threads"]], [0, 0])
+            self.assertEqual(row["redundant_records"], 0)
+
+    def test_errors_and_shares_fit(self):
+        one = {row["cache"]: row for row in self.rows if row["threads"] == 1}
+        for row in self.rows:
+            self.assertGreater(row["reference_rmse"], 0)
+            self.assertAlmostEqual(row["error"]**2, row["rmse"]**2 - row["reference_rmse"]**2, delta=1e-9)
+            self.assertEqual(row["redundant_records"], row["records_made"] - one[row["cache"]]["records_made"])
+            for kind in self.KINDS:
+                if kind in row:
+                    self.assertAlmostEqual(row[kind + "_share_of_mean"], row[kind] / row["mean"])
+                    self.assertAlmostEqual(row[kind + "_share_of_error"], row[kind] / row["error"])
+
+    def test_instant_caching_is_measured_likewise(self):
+        self.succeed(*small_repeatability(integrator="instant_caching", vpls=8, threads=1, out="r.json"))
+        rows = self.load("r.json")["benchmarks"]
+        self.assertEqual([row["rms_to_single"] for row in rows], [0, 0])
+        self.assertEqual({row["vpls"] for row in rows}, {8})
+        self.assertTrue(all("rays_per_record" not in row for row in rows))
+
+    def test_standard_output_is_one_valid_document(self):
+        results = json.loads(self.succeed(*small_repeatability(size="8x8", json="/dev/stdout")))
+        self.assertEqual(len(results["benchmarks"]), 4)
 
 
 if __name__ == "__main__":

@@ -223,6 +223,18 @@ TEST(Write, RefusesValuesThatAreNotRadiance) {
   EXPECT_EQ(folder.entries(), 0);
 }
 
+TEST(Write, SignedFilesHoldNegativeValues) {
+  TemporaryFolder folder;
+  Image image = wide_range_image(7, 5);
+  for (std::size_t i = 0; i < image.pixels.size(); i += 2) image.pixels[i] *= -1.0f;
+  const WriteOptions signed_values{ExrSample::float_bits, 1.0f, true};
+  write_image(folder / "image.exr", image, signed_values);
+  EXPECT_TRUE(is_same(read_image(folder / "image.exr"), image));
+  EXPECT_THROW(write_image(folder / "image.png", image, signed_values), std::runtime_error);
+  image.pixels[3].y = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(write_image(folder / "image.exr", image, signed_values), std::runtime_error);
+}
+
 TEST(Write, RefusesSizesThatDoNotHold) {
   TemporaryFolder folder;
   for (const Image& image :

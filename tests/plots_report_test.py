@@ -17,8 +17,8 @@ import matplotlib.image
 import numpy as np
 
 from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
-                           few_caches, model_caches, model_pareto, model_results, model_verdicts, read_csv,
-                           run, write_results)
+                           few_caches, model_caches, model_pareto, model_repeatability, model_results,
+                           model_verdicts, read_csv, run, write_results)
 
 import cautions
 import correctness
@@ -26,6 +26,8 @@ import correctness_page
 import findings
 import pareto_page
 import pareto_results
+import repeatability_page
+import repeatability_results
 import report
 import results
 from figures import CORRECTNESS_FIGURES, FIGURES
@@ -118,7 +120,7 @@ class Pareto(InFolder):
         for target in re.findall(r'href="#([^"]+)"', page):
             self.assertEqual(page.count(f'id="{target}"'), 1, target)
         (self.folder / "pareto.json").rename(self.folder / "pareto.previous.json")
-        self.assertEqual(report._pareto_beside([small]), [])
+        self.assertEqual(report._beside([small], report.kPareto), [])
 
     def test_a_budget_buys_the_least_error_that_it_can_pay(self):
         table = pareto_results.points(pareto_results.load(
@@ -169,6 +171,60 @@ class Pareto(InFolder):
         done = run("pareto.py", self.folder / "wrong.json", "--out", self.folder / "out")
         self.assertEqual((done.returncode, done.stdout), (2, ""))
         self.assertRegex(done.stderr, r"^[^\n]+wrong\.json[^\n]+\n$")
+
+
+class Repeatability(InFolder):
+    """What icbench repeatability measured, as a part of the report."""
+
+    def page(self, data: dict) -> str:
+        path = write_results(self.folder / "repeatability.json", data)
+        return repeatability_page.section(repeatability_results.load([path])[0], "repeatability", "")
+
+    def test_files_beside_the_results_are_found_and_their_part_is_linked(self):
+        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        write_results(self.folder / "repeatability.json", model_repeatability())
+        write_results(self.folder / "repeatability.previous.json", model_repeatability("desk"))
+        self.good("report.py", small, "--out", self.folder / "out")
+        page = (self.folder / "out/report.html").read_text(encoding="utf-8")
+        self.assertIn('<a href="#repeatability">', page)
+        self.assertIn("<code>figures/repeatability.pdf</code>", page)
+        self.assertNotIn("Desk, irradiance cache", page)
+        for target in re.findall(r'href="#([^"]+)"', page):
+            self.assertEqual(page.count(f'id="{target}"'), 1, target)
+
+    def test_the_page_says_how_far_and_beside_what(self):
+        page = self.page(model_repeatability())
+        self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by 0.440 "
+                      "to 0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
+        self.assertIn("serves one thread", page)
+        self.assertIn("0.0200 W/(m² sr) or 4.00 % of it", page)
+        self.assertIn("the reference&#x27;s own, already taken off, is 0.00200", page)
+
+    def test_a_reference_that_errs_more_than_the_pictures_is_told(self):
+        data = model_repeatability()
+        self.assertNotIn("are rough", self.page(data))
+        for row in data["benchmarks"]:
+            row["reference_rmse"] = 0.03
+        self.assertIn("which is more, so that shares of the error are rough", self.page(data))
+
+    def test_where_threads_change_nothing_the_page_says_so(self):
+        self.assertIn("with 8 threads no picture differs", self.page(model_repeatability(differences={"null": 0.0})))
+
+    def test_one_thread_alone_says_so(self):
+        page = self.page(model_repeatability(differences={"sequential": None}))
+        self.assertIn("measured with one thread only", page)
+
+    def test_an_incomplete_run_stands_out(self):
+        self.assertIn("Incomplete: this part", self.page(model_repeatability(complete=False)))
+
+    def test_every_wrong_file_is_one_line_and_status_2(self):
+        no_mean = model_repeatability()
+        for row in no_mean["benchmarks"]:
+            del row["mean"]
+        for text in ("no json", "[]", '{"context": {}, "benchmarks": []}', json.dumps(no_mean)):
+            (self.folder / "wrong.json").write_text(text)
+            with self.assertRaisesRegex(results.InputError, r"^[^\n]+wrong\.json[^\n]+$"):
+                repeatability_results.load([self.folder / "wrong.json"])
 
 
 class Correctness(InFolder):
@@ -380,8 +436,10 @@ class MainJob(InFolder):
         (self.root / "plots").symlink_to(kPlots)
         self.program("../../../../tools/cmake", "")
         compared = write_results(self.folder / "compared.json", model_pareto())
+        repeated = write_results(self.folder / "repeated.json", model_repeatability())
         self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"\n'
-                                f'[[ $1 != pareto ]] || cp {compared} "$OUT"')
+                                f'[[ $1 != pareto ]] || cp {compared} "$OUT"\n'
+                                f'[[ $1 != repeatability ]] || cp {repeated} "$OUT"')
 
     def program(self, name: str, body: str):
         """A program that runs `body` with $OUT set to the value of its --out or --json."""
@@ -415,7 +473,9 @@ class MainJob(InFolder):
         page = (self.out / "report.html").read_text()
         self.assertIn('id="correctness-promises"', page)
         self.assertIn('id="pareto-pareto"', page)
+        self.assertIn('id="repeatability-repeatability"', page)
         self.assertIn("icbench pareto", self.calls.read_text())
+        self.assertIn("icbench repeatability", self.calls.read_text())
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')

@@ -215,6 +215,37 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
     return {"context": kContext | context, "benchmarks": rows}
 
 
+def model_repeatability(scene="cornell_box", differences=None, repetitions=3, **context) -> dict:
+    """A file of icbench repeatability: `differences` tells for each cache how far threads move a picture of mean 0.5
+    and error 0.02, None for a cache that serves one thread.
+    """
+    differences = differences or {"sequential": None, "null": 0.0, "global_mutex": 0.004, "wait_free": 0.002}
+    rows = []
+    for repetition in range(repetitions):
+        for cache, difference in differences.items():
+            fewer = 0
+            for threads in (1, 2, 8) if difference is not None else (1,):
+                far = 0.0 if threads == 1 else difference * (1 + 0.1 * repetition)
+                row = {"name": f"repeatability/{scene}/irradiance_cache/{cache}/threads:{threads}",
+                       "repetition_index": repetition, "threads": threads, "real_time": 5.0 + repetition,
+                       "time_unit": "ms", "scene": scene, "integrator": "irradiance_cache", "cache": cache,
+                       "single_thread": difference is None, "oversubscribed": threads > 2, "accuracy": 0.2,
+                       "rays_per_record": 64, "width": 32, "height": 32, "seed": 1, "seconds": 0.02,
+                       "seconds_indirect": 0.01, "records": 100, "records_made": 100 + threads,
+                       "redundant_records": threads - 1, "mean": 0.5, "rmse": 0.0201, "reference_rmse": 0.002,
+                       "reference_spp": 64, "error": 0.02}
+                kinds = {"rms_to_single": far}
+                if repetition:
+                    kinds["rms_to_last_run"] = 1.2 * far
+                if fewer:
+                    kinds["rms_to_fewer_threads"] = 1.1 * far
+                for kind, value in kinds.items():
+                    row |= {kind: value, f"{kind}_share_of_mean": value / 0.5, f"{kind}_share_of_error": value / 0.02}
+                rows.append(row)
+                fewer = threads
+    return {"context": kContext | context, "benchmarks": rows}
+
+
 kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
 kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
   thread 1 [129, 130] insert of record 82, place 0, size 0

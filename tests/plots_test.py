@@ -18,16 +18,18 @@ import unittest
 import numpy as np
 
 from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto,
-                           model_results, read_csv, run, write_results)
+                           model_repeatability, model_results, read_csv, run, write_results)
 
 import contention_map
 import over_threads
 import pareto
 import pareto_results
+import repeatability
+import repeatability_results
 import results
 import speed_error
 import style
-from figures import FIGURES, PARETO_FIGURES
+from figures import FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
 
 
 class Statistics(unittest.TestCase):
@@ -289,6 +291,37 @@ class Pareto(InFolder):
         self.assertEqual([plate.slug for plate in plates], ["relmse", "flip", "hdrvdp_p75"])
 
 
+class Repeatability(InFolder):
+    def test_every_cache_and_thread_count_is_one_line_with_its_medians(self):
+        path = write_results(self.folder / "repeatability.json", model_repeatability())
+        self.good("repeatability.py", path, "--out", self.folder)
+        lines = {(line["cache"], int(line["threads"])): line for line in read_csv(self.folder / "repeatability.csv")}
+        expected = {("sequential", 1)} | {(cache, n) for cache in ("null", "global_mutex", "wait_free")
+                                          for n in (1, 2, 8)}
+        self.assertEqual(lines.keys(), expected)
+        self.assertAlmostEqual(float(lines["wait_free", 8]["rms_to_single"]), 0.0022)
+        self.assertAlmostEqual(float(lines["wait_free", 8]["rms_to_single_share_of_error"]), 0.11)
+        self.assertAlmostEqual(float(lines["wait_free", 8]["rms_to_last_run"]), 0.0024 * 1.15)
+        self.assertEqual(float(lines["wait_free", 1]["rms_to_single"]), 0)
+        self.assertAlmostEqual(float(lines["wait_free", 2]["rms_to_fewer_threads_share_of_mean"]), 0.00484)
+        self.assertEqual(lines["wait_free", 1]["rms_to_fewer_threads"], "")
+
+    def test_a_panel_a_scene_without_the_caches_that_threads_do_not_change(self):
+        first = write_results(self.folder / "a.json", model_repeatability("desk"))
+        second = write_results(self.folder / "b.json", model_repeatability("office"))
+        found = repeatability_results.load([first, second, first])
+        self.assertEqual(len(found), 1)
+        plate = repeatability.build(found[0]).plates[0]
+        self.assertEqual([panel.title for panel in plate.panels],
+                         ["desk, irradiance cache", "office, irradiance cache"])
+        self.assertIn("No difference at all: null.", plate.footnote)
+
+    def test_nothing_is_drawn_where_threads_change_nothing(self):
+        path = write_results(self.folder / "same.json", model_repeatability(differences={"null": 0.0}))
+        done = self.good("repeatability.py", path, "--out", self.folder)
+        self.assertIn("left out", done.stdout)
+
+
 class WrongInput(InFolder):
     def test_a_python_without_the_modules_is_told_in_one_line(self):
         done = subprocess.run([sys.executable, "-S", "-E", str(kPlots / "report.py"), "x"],
@@ -321,7 +354,8 @@ class WrongInput(InFolder):
         self.refused("throughput.py", self.results(), "--out", "/proc/nowhere")
 
     def test_help(self):
-        for script in ["report.py", *(f"{figure.name}.py" for figure in [*FIGURES, *PARETO_FIGURES])]:
+        figures = [*FIGURES, *PARETO_FIGURES, *REPEATABILITY_FIGURES]
+        for script in ["report.py", *(f"{figure.name}.py" for figure in figures)]:
             done = self.good(script, "--help")
             self.assertIn("--out DIR", done.stdout)
 

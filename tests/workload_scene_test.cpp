@@ -9,6 +9,7 @@
 #include "workload/dispatch.h"
 #include "workload/ray_traced_plan.h"
 #include "workload/ray_traced_trial.h"
+#include "workload/repeatability.h"
 #include "workload/synthetic_plan.h"
 #include "workload/validation.h"
 
@@ -153,6 +154,89 @@ TEST_F(RayTraced, ReferenceErrorFallsWithItsSamples) {
   const Reference better = make_reference(scene("cornell_box"), primary, 64, 1);
   EXPECT_EQ(better.spp, 64u);
   EXPECT_GT(reference.relmse, 4.0 * better.relmse);
+}
+
+// Each picture that is begun in this process is brighter than the last: a schedule without end, known beforehand.
+unsigned g_pictures = 0;
+class DriftingPass final : public IndirectPass {
+ public:
+  void begin_frame(const SceneChange&) override { L_ = 1.0f + static_cast<float>(g_pictures++); }
+  void tile(unsigned, Tracer&, const PrimaryHits& primary, const SampleKey&, const Tile& tile,
+            Image& out) noexcept override {
+    for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) { out.pixels[pixel] = glm::vec3(L_); });
+  }
+
+ private:
+  float L_ = 0.0f;
+};
+
+struct RepeatabilityTest : ::testing::Test {
+  Topology topology = Topology::of_this_process();
+  ThreadTeam team{topology, Placement::none, 1};
+  RayTracer rays{make_scene("white_furnace")};
+  CacheEntry drifting = [] {
+    CacheEntry entry = find_cache("wait_free");
+    entry.traits.name = "drifting";
+    entry.pass = [](const CachedPassSetup&, std::unique_ptr<RecordSource>,
+                    Crew&) -> std::unique_ptr<IndirectPass> { return std::make_unique<DriftingPass>(); };
+    return entry;
+  }();
+
+  RepeatabilityStudy study() {
+    const FrameRequest frame{rays, team, find_integrator("irradiance_cache"), drifting, 8, 8};
+    return RepeatabilityStudy({frame, "white_furnace", 0, Placement::none, 2, 2}, topology, [](double) {});
+  }
+  std::vector<RepeatabilityPoint> points(const CacheEntry& cache, std::vector<unsigned> threads) {
+    const CacheEntry* const caches[] = {&cache};
+    return repeatability_points(caches, std::move(threads));
+  }
+};
+
+TEST_F(RepeatabilityTest, PicturesThatDependOnWhatRanBeforeAreFoundOut) {
+  const auto found = points(drifting, {3, 1});
+  ASSERT_EQ(found.size(), 2u);
+  g_pictures = 0;
+  RepeatabilityStudy work = study();
+  const auto field = [](const Entry& e, const char* name) { return e.counters.at(name).get<double>(); };
+  const Entry a = work.run(found[0], 0), b = work.run(found[1], 0), c = work.run(found[0], 1),
+              d = work.run(found[1], 1);
+  EXPECT_EQ(d.name, "repeatability/white_furnace/irradiance_cache/drifting/threads:3");
+  EXPECT_EQ(field(a, "rms_to_single"), 0.0);
+  EXPECT_EQ(field(b, "rms_to_single"), 1.0);
+  EXPECT_EQ(field(c, "rms_to_single"), 2.0);
+  EXPECT_EQ(field(d, "rms_to_single"), 3.0);
+  EXPECT_EQ(field(c, "rms_to_last_run"), 2.0);
+  EXPECT_EQ(field(d, "rms_to_last_run"), 2.0);
+  EXPECT_EQ(field(b, "rms_to_fewer_threads"), 1.0);
+  EXPECT_EQ(field(d, "rms_to_fewer_threads"), 1.0);
+  EXPECT_EQ(field(d, "rms_to_fewer_threads_share_of_mean"), 1.0 / 4.0);
+  EXPECT_DOUBLE_EQ(field(d, "rms_to_single_share_of_error"), 3.0 / field(d, "error"));
+  EXPECT_NEAR(field(d, "error"), 4.0 - 0.25, 0.05);  // the truth is 0.25
+  EXPECT_FALSE(a.counters.contains("rms_to_last_run") || a.counters.contains("rms_to_fewer_threads"));
+  EXPECT_EQ(g_pictures, 4u) << "some were rendered for nothing";
+}
+
+TEST_F(RepeatabilityTest, WhatAnEarlierProcessMeasuredIsRenderedAgain) {
+  const auto found = points(drifting, {1, 3});
+  g_pictures = 0;
+  RepeatabilityStudy work = study();
+  const Entry d = work.run(found[1], 1);
+  for (const char* name : {"rms_to_single", "rms_to_last_run", "rms_to_fewer_threads"})
+    EXPECT_GT(d.counters.at(name).get<double>(), 0.0) << name;
+  EXPECT_EQ(g_pictures, 4u);
+}
+
+TEST_F(RepeatabilityTest, CachesForOneThreadAreMeasuredWithOne) {
+  const auto found = points(find_cache("sequential"), {2, 4});
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found[0].threads, 1u);
+  EXPECT_EQ(found[0].fewer, 0u);
+  const auto shared = points(find_cache("wait_free"), {8, 2, 4});
+  ASSERT_EQ(shared.size(), 3u);
+  EXPECT_EQ(shared[0].threads, 2u);
+  EXPECT_EQ(shared[0].fewer, 0u);
+  EXPECT_EQ(shared[2].threads, 8u);
+  EXPECT_EQ(shared[2].fewer, 4u);
 }
 
 }  // namespace

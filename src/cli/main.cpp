@@ -88,6 +88,7 @@ int run(int argc, char** argv) {
   add_animate(app);
   add_compare(app);
   add_pareto(app);
+  add_repeatability(app);
   app.footer(
       "Exit status: 0 done, 1 a check failed, 2 bad usage or input (one line on standard error).\n"
       "icbench COMMAND --help lists a command's options, all of which have defaults.");

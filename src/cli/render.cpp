@@ -10,26 +10,95 @@
 #include "harness/progress.h"
 #include "image/file.h"
 #include "image/image.h"
+#include "workload/memory.h"
+#include "workload/names.h"
 
 namespace icbench {
 namespace {
 
 struct RenderOptions : FrameOptions {
-  std::string out = "render.exr";
+  std::string out = "render.exr", residual_out;
   std::uint32_t frame = 0;
+  float residual = 0.0f;  ///< 0: not asked for
+  bool is_unbiased = false;
 };
 
-void require_image_path(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension().string();
+std::string extension_of(const std::string& path) { return std::filesystem::path(path).extension().string(); }
+
+void require_paths(const RenderOptions& o) {
+  const std::string extension = extension_of(o.out);
   if (extension != ".exr" && extension != ".png") {
-    throw std::runtime_error(fmt::format("--out '{}' must end in .exr or .png", path));
+    throw std::runtime_error(fmt::format("--out '{}' must end in .exr or .png", o.out));
   }
-  require_writable("--out", path);
+  if (o.residual == 0.0f && (o.is_unbiased || !o.residual_out.empty())) {
+    throw std::runtime_error(
+        fmt::format("{} needs --residual SHARE, the part of the pixels to be path-traced",
+                    o.is_unbiased ? "--unbiased" : "--residual-out"));
+  }
+  if (o.is_unbiased && extension != ".exr") {
+    throw std::runtime_error(fmt::format(
+        "--out '{}': an --unbiased picture has negative values, which a PNG cannot hold; use .exr", o.out));
+  }
+  require_writable("--out", o.out);
+  if (o.residual_out.empty()) return;
+  if (extension_of(o.residual_out) != ".exr") {
+    throw std::runtime_error(
+        fmt::format("--residual-out '{}' must end in .exr: the layer has negative values", o.residual_out));
+  }
+  if (o.residual_out == o.out) {
+    throw std::runtime_error(fmt::format("--residual-out '{}' is the picture's own file", o.residual_out));
+  }
+  require_writable("--residual-out", o.residual_out);
+}
+
+/// A value as a share of another, null where there is no such share.
+nlohmann::ordered_json share(double value, double of) {
+  return of > 0.0 ? nlohmann::ordered_json(value / of) : nlohmann::ordered_json();
+}
+
+void add_residual(nlohmann::ordered_json& j, const RenderOptions& o, const FrameCost& cost) {
+  const ResidualFigures& f = *cost.residual;
+  j["residual_share"] = shortest_decimal(o.residual);
+  j["residual_samples"] = f.samples;
+  j["residual_mean"] = f.all.mean;
+  j["residual_standard_error"] = f.all.error;
+  j["residual_mean_share"] = share(f.all.mean, f.cached);
+  j["residual_standard_error_share"] = share(f.all.error, f.cached);
+  for (std::size_t c = 0; c < 3; ++c) {
+    j["residual_mean_rgb"].push_back(f.rgb[c].mean);
+    j["residual_standard_error_rgb"].push_back(f.rgb[c].error);
+    j["residual_mean_share_rgb"].push_back(share(f.rgb[c].mean, f.cached_rgb[c]));
+    j["residual_standard_error_share_rgb"].push_back(share(f.rgb[c].error, f.cached_rgb[c]));
+  }
+  j["residual_mean_square"] = f.square.mean;
+  j["residual_mean_square_standard_error"] = f.square.error;
+  nlohmann::ordered_json& blocks = j["residual_blocks"];
+  blocks = {{"edge", f.edge}, {"columns", f.columns}, {"rows", f.rows}};
+  for (const MeanWithError& block : f.blocks) {
+    blocks["mean"].push_back(block.mean);
+    blocks["standard_error"].push_back(block.error);
+  }
+  j["indirect_mean"] = f.cached;
+  j["residual_seconds"] = cost.seconds_residual;
+  j["residual_rays"] = cost.rays_residual.total();
+  j["unbiased"] = o.is_unbiased;
+}
+
+std::string told(const ResidualFigures& f) {
+  const std::string of_mean = f.cached > 0.0
+                                  ? fmt::format(" ({:+.3g} % +- {:.2g} % of the pass's mean)",
+                                                100.0 * f.all.mean / f.cached, 100.0 * f.all.error / f.cached)
+                                  : "";
+  return fmt::format("true less rendered indirect light, mean: {:+.3g} +- {:.2g} W/(m^2 sr){}\n", f.all.mean,
+                     f.all.error, of_mean);
 }
 
 void render_command(const RenderOptions& o) {
-  require_image_path(o.out);
+  require_paths(o);
   FrameSetup setup(o);
+  setup.request().residual_share = o.residual;
+  setup.request().keeps_residual = o.is_unbiased || !o.residual_out.empty();
+  require_memory(fmt::format("a picture of {}", o.size), frame_bytes(setup.request()));
   const std::uint32_t frames = setup.rays().scene().frames;
   if (o.frame >= frames) {
     throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", o.frame,
@@ -40,16 +109,25 @@ void render_command(const RenderOptions& o) {
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());
   const FrameCost cost = renderer.render(o.frame);
-  write_image(o.out, renderer.picture(), {ExrSample::float_bits, o.exposure});
+  Image picture = renderer.picture();
+  if (o.is_unbiased) renderer.add_residual(picture);
+  write_image(o.out, picture, {ExrSample::float_bits, o.exposure, o.is_unbiased});
+  if (!o.residual_out.empty()) {
+    Image layer = make_image(picture.width, picture.height);
+    renderer.add_residual(layer);
+    write_image(o.residual_out, layer, {ExrSample::float_bits, 1.0f, true});
+  }
   const IntegratorEntry& integrator = setup.request().integrator;
   nlohmann::ordered_json json = setup.asked();
   json["frame"] = o.frame;
   add_cost(json, integrator, cost);
+  if (cost.residual) add_residual(json, o, cost);
   json["image"] = std::filesystem::path(o.out).filename().string();
   if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
   fmt::print("{}: {:.2f} s, {:.1f} million rays a second{}\n", o.out, cost.seconds,
              1e-6 * static_cast<double>(cost.rays.total()) / cost.seconds,
              integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
+  if (cost.residual) fmt::print("{}", told(*cost.residual));
 }
 
 }  // namespace
@@ -63,6 +141,17 @@ void add_render(CLI::App& app) {
   render->add_option("--out", o->out, "Picture: .exr (exact) or .png (for viewing)")
       ->capture_default_str()
       ->type_name("FILE");
+  add_positive(render, "--residual", o->residual, 1.0f,
+               "Also path trace this share of the pixels, chosen at random, to\nmeasure the bias of the "
+               "indirect light")
+      ->type_name("SHARE")
+      ->default_str("");
+  render
+      ->add_option("--residual-out", o->residual_out,
+                   "Write true less rendered light, to add to the picture: .exr, with\nnegative values")
+      ->type_name("FILE");
+  render->add_flag("--unbiased", o->is_unbiased,
+                   "Add it to --out: unbiased in every pixel, noisier, with negative\nvalues; .exr only");
   render->callback([o] { render_command(*o); });
 }
 

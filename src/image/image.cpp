@@ -64,7 +64,7 @@ std::string value_error(const Image& image, bool negative_allowed) {
 void write_image(const std::filesystem::path& path, const Image& image, const WriteOptions& options) {
   const Format format = format_of(path);
   std::string reason = size_error(image);
-  if (reason.empty()) reason = value_error(image, false);
+  if (reason.empty()) reason = value_error(image, options.is_signed && format == Format::exr);
   std::string bytes;
   if (reason.empty()) {
     try {

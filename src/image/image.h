@@ -44,12 +44,14 @@ enum class ExrSample : std::uint8_t { float_bits, half_bits };
 
 struct WriteOptions {
   ExrSample exr_sample = ExrSample::float_bits;
-  float exposure = 1.0f;  ///< PNG: radiance is multiplied by this (> 0, finite), then 1 is white
+  float exposure = 1.0f;   ///< PNG: radiance is multiplied by this (> 0, finite), then 1 is white
+  bool is_signed = false;  ///< EXR: values may be negative, as a difference of pictures has them
 };
 
 /// Writes .exr (ZIP compression, channels B G R) or .png (8 bits, sRGB transfer function, brighter than white
 /// clipped), by the extension of `path`. A regular file is replaced by a rename; anything else (a device, a
-/// pipe) is written in place. Refuses images of wrong size or with NaN, infinite or negative values.
+/// pipe) is written in place. Refuses images of wrong size or with NaN or infinite values, and with negative ones unless
+/// it is an EXR file that is said to be signed.
 void write_image(const std::filesystem::path& path, const Image& image, const WriteOptions& options = {});
 
 /// Reads .exr (scan lines; the data window; channels R G B, or Y alone as grey) or .png (any colour type;

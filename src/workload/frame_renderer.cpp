@@ -38,7 +38,8 @@ double timed(F&& f) {
 
 std::uint64_t frame_bytes(const FrameRequest& r) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
-  return pixels * (sizeof(Hit) + 3 * sizeof(glm::vec3));
+  return pixels * (sizeof(Hit) + 3 * sizeof(glm::vec3)) +
+         ResidualEstimator::bytes(pixels, r.spp, r.residual_share, r.keeps_residual);
 }
 
 double frame_work(const FrameRequest& r) {
@@ -67,6 +68,8 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
   const CameraView view(r.rays.scene().camera, r.width, r.height);
   const float share = 1.0f / static_cast<float>(r.spp);
   std::fill(picture_.pixels.begin(), picture_.pixels.end(), glm::vec3(0.0f));
+  if (r.residual_share > 0.0f)
+    residual_.emplace(r.width, r.height, r.residual_share, crew_.size(), r.keeps_residual);
   for (std::uint32_t sample = 0; sample < r.spp; ++sample) {
     const SampleKey key{r.seed, frame, sample};
     TileCursor seen(tiles_), lit(tiles_);
@@ -85,15 +88,28 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
     });
     cost.seconds_indirect += 1e-9 * static_cast<double>(second.wall_ns());
     cost.seconds_indirect += timed([&] { pass_->end_sample(primary_, indirect_); });
+    if (residual_) {
+      const RayCounts before = crew_.rays();
+      cost.seconds_residual += timed([&] { add_to_residual(key); });
+      cost.rays_residual += crew_.rays() - before;
+    }
     for (std::size_t i = 0; i < picture_.pixels.size(); ++i) {
       picture_.pixels[i] += share * (direct_.pixels[i] + indirect_.pixels[i]);
     }
   }
   cost.seconds += cost.seconds_indirect;
-  cost.rays = crew_.rays() - rays_before;
+  cost.rays = crew_.rays() - rays_before - cost.rays_residual;
   cost.pass = pass_->figures();
   cost.threads = crew_.size();
+  if (residual_) cost.residual = residual_->figures();
   return cost;
+}
+
+void FrameRenderer::add_to_residual(const SampleKey& key) {
+  crew_.for_each(tiles_.size(), 1, [&](unsigned thread, Tracer& tracer, std::size_t i) {
+    residual_->tile(thread, tracer, pass_->light(), primary_, key, tiles_[i], indirect_);
+  });
+  residual_->end_sample(indirect_);
 }
 
 }  // namespace icbench

@@ -7,9 +7,11 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "image/image.h"
 #include "render/integrators.h"
+#include "render/residual.h"
 #include "workload/dispatch.h"
 #include "workload/team_crew.h"
 
@@ -34,7 +36,9 @@ struct FrameRequest {
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
   bool deterministic = false;                            ///< cached pictures too depend on no schedule
   bool overture = false;                                 ///< all records are made before the picture is
-  bool leak_guard = false;  ///< irradiance_cache: against leaks through thin walls
+  bool leak_guard = false;      ///< irradiance_cache: against leaks through thin walls
+  float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
+  bool keeps_residual = false;  ///< its layer, too
 };
 
 /// What a frame cost.
@@ -44,6 +48,9 @@ struct FrameCost {
   RayCounts rays;
   PassFigures pass;
   unsigned threads = 1;
+  std::optional<ResidualFigures> residual;  ///< if it was asked for; its cost is not in the above
+  double seconds_residual = 0.0;            ///< wall time
+  RayCounts rays_residual;
 };
 
 class FrameRenderer {
@@ -57,14 +64,21 @@ class FrameRenderer {
   const Image& indirect() const noexcept { return indirect_; }
   /// Calls f for every record that the integrator keeps.
   void for_each_record(const std::function<void(const Record&)>& f) const { pass_->for_each_record(f); }
+  /// Adds the signed layer that makes the frame's picture unbiased, if it was to be kept.
+  void add_residual(Image& to) const {
+    if (residual_) residual_->add_to(to);
+  }
 
  private:
+  void add_to_residual(const SampleKey& key);
+
   FrameRequest request_;
   TeamCrew crew_;
   std::vector<Tile> tiles_;
   std::unique_ptr<IndirectPass> pass_;
   PrimaryHits primary_;
   Image direct_, indirect_, picture_;
+  std::optional<ResidualEstimator> residual_;
 };
 
 /// Memory that the pixels of a frame take while it is made, bytes; records come on top.
