@@ -20,6 +20,13 @@ namespace {
 // A report must fit into a pipe, so that the child need not wait for its reader.
 constexpr std::size_t kMostText = 1024;
 
+// Sanitizers reserve address space by the terabyte.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kMemoryIsOwn = false;
+#else
+constexpr bool kMemoryIsOwn = true;
+#endif
+
 void limit(int what, rlim_t most) {
   rlimit now{};
   if (::getrlimit(static_cast<__rlimit_resource>(what), &now) != 0) return;
@@ -41,11 +48,7 @@ std::size_t address_space() {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, fd);
   limit(RLIMIT_CORE, 0);
   limit(RLIMIT_CPU, seconds);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  limit(RLIMIT_AS, address_space() + bytes);
-#else
-  static_cast<void>(bytes);
-#endif
+  if (kMemoryIsOwn) limit(RLIMIT_AS, address_space() + bytes);
   std::string said;
   try {
     said = attempt();
