@@ -28,8 +28,8 @@ std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
                                                 std::uint32_t spp);
 
-/// How far the mean of a cached picture, extrapolated by gradients, lies from path tracing's, as a share of it. A sample
-/// is one seed. Needs no quiet.
+/// How far the mean of a cached picture, extrapolated by gradients, lies from path tracing's, as a share of it. A
+/// sample is one seed. Needs no quiet.
 std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene);
 
 /// Mean of a cached picture of the white furnace over albedo^2, the truth. A sample is one seed.
@@ -37,8 +37,8 @@ std::unique_ptr<Experiment> furnace_mean(const Machine& machine);
 
 inline constexpr float kBlockAccuracy = 0.04f;
 
-/// Root-mean-square error of the means of 4 x 4 pixels of a cached Cornell box, 256 rays a record at kBlockAccuracy, as a
-/// share of the picture's mean, direct light included. A sample is one seed. Needs no quiet.
+/// Root-mean-square error of the means of 4 x 4 pixels of a cached Cornell box, 256 rays a record at kBlockAccuracy, as
+/// a share of the picture's mean, direct light included. A sample is one seed. Needs no quiet.
 std::unique_ptr<Experiment> block_error(const Machine& machine);
 
 }  // namespace icbench

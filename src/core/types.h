@@ -93,7 +93,8 @@ inline bool is_askable(const SurfacePoint& x, const Bounds& bounds) noexcept {
 /// A record outside these terms is rejected: finite, unit normal, positive radius, no negative irradiance, inside the
 /// bounds.
 inline bool is_storable(const Record& r, const Bounds& bounds) noexcept {
-  return bounds.contains(r.p) && is_unit(r.n) && std::isgreater(r.R, 0.0f) && std::isfinite(r.R) && is_irradiance(r.E);
+  return bounds.contains(r.p) && is_unit(r.n) && std::isgreater(r.R, 0.0f) && std::isfinite(r.R) &&
+         is_irradiance(r.E);
 }
 
 }  // namespace icbench
