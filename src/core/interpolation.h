@@ -75,15 +75,15 @@ inline float likely_split_sphere_weight(const SurfacePoint& x, const Record& r, 
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(weight) & (0u - is_valid));
 }
 
-/// Sums weighted records into an interpolated irradiance.
-class Interpolator {
+/// Weighted mean of irradiances.
+class MeanIrradiance {
  public:
-  void operator()(const Record& r, float weight) noexcept {
-    weighted_ += weight * r.E;
+  void add(const Irradiance& E, float weight) noexcept {
+    weighted_ += weight * E;
     weights_ += weight;
   }
 
-  /// nullopt exactly when no record was valid.
+  /// nullopt exactly when nothing was added.
   std::optional<Irradiance> result() const noexcept {
     if (!(weights_ > 0.0f)) return std::nullopt;
     return weighted_ / weights_;
@@ -92,6 +92,18 @@ class Interpolator {
  private:
   Irradiance weighted_{0.0f};
   float weights_ = 0.0f;
+};
+
+/// Interpolates between the records that are valid at a point.
+class Interpolator {
+ public:
+  void operator()(const Record& r, float weight) noexcept { mean_.add(r.E, weight); }
+
+  /// nullopt exactly when no record was valid.
+  std::optional<Irradiance> result() const noexcept { return mean_.result(); }
+
+ private:
+  MeanIrradiance mean_;
 };
 
 /// Limits that keep radii useful and the arithmetic above safe. Metres.

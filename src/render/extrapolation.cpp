@@ -147,7 +147,7 @@ void GuardedSum::judge_suspects() noexcept {
     if (stopped[i])
       ++tests_.stopped;
     else
-      sum_.add(held_[i]);
+      sum_.add(held_[i].E, held_[i].w);
   }
   tests_.rays += suspects_;
   suspects_ = 0;

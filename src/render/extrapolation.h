@@ -204,25 +204,6 @@ struct Contribution {
   float w;  ///< weight; the record counts if it is above 0
 };
 
-/// Sums contributions to their weighted mean.
-class ContributionSum {
- public:
-  void add(const Contribution& c) noexcept {
-    weighted_ += c.w * c.E;
-    weights_ += c.w;
-  }
-
-  /// nullopt exactly when nothing was added.
-  std::optional<Irradiance> result() const noexcept {
-    if (!(weights_ > 0.0f)) return std::nullopt;
-    return weighted_ / weights_;
-  }
-
- private:
-  Irradiance weighted_{0.0f};
-  float weights_ = 0.0f;
-};
-
 /// Sums what records extrapolate to one point.
 class Extrapolator {
  public:
@@ -234,7 +215,7 @@ class Extrapolator {
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
   void operator()(const Record& r, float weight) noexcept {
-    if (const Contribution c = of(r, weight); c.w > 0.0f) sum_.add(c);
+    if (const Contribution c = of(r, weight); c.w > 0.0f) sum_.add(c.E, c.w);
   }
 
   /// nullopt exactly when no record was valid.
@@ -276,7 +257,7 @@ class Extrapolator {
   SurfacePoint x_;
   float inverse_a_;
   bool elliptic_;
-  ContributionSum sum_;
+  MeanIrradiance sum_;
 };
 
 /// Sums what records bring to one point as the level of `shapes` has it, but for those behind something
@@ -297,7 +278,7 @@ class GuardedSum {
     const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight};
     if (!(c.w > 0.0f)) return;
     if (!is_suspect(x_, r, shapes_.details.marks(r.id))) {
-      sum_.add(c);
+      sum_.add(c.E, c.w);
       return;
     }
     rays_[suspects_] = leak_ray(tracer_.shared(), x_, r);
@@ -318,7 +299,7 @@ class GuardedSum {
   Tracer& tracer_;
   SurfacePoint x_;
   LeakTests& tests_;
-  ContributionSum sum_;
+  MeanIrradiance sum_;
   std::uint32_t suspects_ = 0;
   std::array<Ray, kLeakPacket> rays_;
   std::array<Contribution, kLeakPacket> held_;
