@@ -48,72 +48,114 @@ HWY_INLINE Word load(const std::uint32_t* from, [[maybe_unused]] std::uint64_t b
   }
 }
 
-template <int kShift>
-HWY_INLINE Float place_of(Word place) {
-  const Words words;
-  return hn::ConvertTo(Floats(),
-                       hn::BitCast(Ints(), hn::And(hn::ShiftRight<kShift>(place), hn::Set(words, 1023u))));
+template <int kAxis>
+HWY_INLINE Float place_of(Word lane) {
+  const auto place =
+      hn::And(hn::ShiftRight<kPlaceBits * kAxis>(lane), hn::Set(Words(), (1u << kPlaceBits) - 1));
+  return hn::ConvertTo(Floats(), hn::BitCast(Ints(), place));
 }
 
-template <int kShift>
-HWY_INLINE Float normal_of(Word shape) {
-  const auto high = hn::BitCast(Ints(), hn::ShiftLeft<24 - kShift>(shape));
-  return hn::ConvertTo(Floats(), hn::ShiftRight<24>(high));
-}
-
-/// What `keeps` (caches/packed_lanes.h) takes from the query, in all lanes.
-struct Query {
-  explicit Query(const LaneQuery& q)
-      : nx(hn::Set(Floats(), q.nx)),
-        ny(hn::Set(Floats(), q.ny)),
-        nz(hn::Set(Floats(), q.nz)),
-        a(hn::Set(Floats(), q.a)),
-        per_bend(hn::Set(Floats(), q.per_bend)) {}
-  Float nx, ny, nz, a, per_bend;
-};
-
-/// `keeps`, operation by operation.
-HWY_INLINE hn::Mask<Floats> keeps_of(const Query& q, const LanePoint& at, Word place, Word shape) {
+/// `keeps` (caches/packed_lanes.h), operation by operation.
+HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const LanePoint& at, Word lane) {
   const Words words;
   const Floats floats;
-  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(place));
-  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<10>(place));
-  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<20>(place));
+  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(lane));
+  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<1>(lane));
+  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<2>(lane));
   const Float distance2 = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
-  const Float dot = hn::Add(hn::Add(hn::Mul(q.nx, normal_of<0>(shape)), hn::Mul(q.ny, normal_of<8>(shape))),
-                            hn::Mul(q.nz, normal_of<16>(shape)));
-  const Float bend = hn::Max(hn::Sub(hn::Set(floats, 1.0f - kNormalSlack), dot), hn::Zero(floats));
-  const Float share = hn::Sub(q.a, hn::Mul(hn::Sqrt(bend), q.per_bend));
-  const Word code = hn::ShiftRight<24>(shape);
+  const Word code = hn::ShiftRight<3 * kPlaceBits>(lane);
   const Float expressed =
       hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
   const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
   const Float reach = hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed);
   const Float most = hn::Add(hn::Mul(reach, share), hn::Set(floats, at.slack));
-  return hn::And(hn::Gt(share, hn::Zero(floats)), hn::Lt(distance2, hn::Mul(most, most)));
+  return hn::Lt(distance2, hn::Mul(most, most));
 }
 
 // Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
-std::uint32_t filter_lanes(const LaneQuery& query, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+std::uint32_t filter_lanes(float query_share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
-  const Query q(query);
+  const Float share = hn::Set(Floats(), query_share);
   std::uint32_t kept = 0;
   for (const LaneStrip* s = strips; s != strips + n; ++s) {
     for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
       const std::uint64_t bits = s->bits >> i & (~std::uint64_t{0} >> (64 - lanes));
       if (lanes < kStripLanes && bits == 0) continue;
       const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
-      const Word place = load(s->words + i, bits, mask);
-      const Word shape = load(s->words + s->stride + i, bits, mask);
-      const Word index = load(s->words + 2 * s->stride + i, bits, mask);
-      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(q, *s->at, place, shape)));
+      const Word lane = load(s->words + i, bits, mask);
+      const Word index = load(s->words + s->stride + i, bits, mask);
+      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, *s->at, lane)));
       hn::StoreU(hn::Compress(index, keep), words, out + kept);  // the whole vector
       kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
     }
   }
   return kept;
 }
+
+#if HWY_TARGET == HWY_SCALAR
+void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                   float* weights) {
+  weigh_records_scalar(x, a, records, n, weights);
+}
+#else
+// Records are weighed four at a time, in vectors that every machine has.
+using Four = hn::FixedTag<float, kWeighed>;
+using Four64 = hn::RepartitionToWide<Four>;
+
+struct Rows {
+  hn::Vec<Four> a, b, c, d;
+};
+
+/// Columns of four rows.
+HWY_INLINE Rows transposed(const Rows& r) {
+  const Four floats;
+  const Four64 pairs;
+  const auto lower = [&](auto v, auto w) { return hn::BitCast(pairs, hn::InterleaveLower(floats, v, w)); };
+  const auto upper = [&](auto v, auto w) { return hn::BitCast(pairs, hn::InterleaveUpper(floats, v, w)); };
+  const auto ab_low = lower(r.a, r.b), cd_low = lower(r.c, r.d);
+  const auto ab_high = upper(r.a, r.b), cd_high = upper(r.c, r.d);
+  return {hn::BitCast(floats, hn::InterleaveLower(pairs, ab_low, cd_low)),
+          hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_low, cd_low)),
+          hn::BitCast(floats, hn::InterleaveLower(pairs, ab_high, cd_high)),
+          hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_high, cd_high))};
+}
+
+/// Eight floats of each of four records: p, n, R, and one that is not used.
+HWY_INLINE Rows columns(const Record* const* records, std::size_t first) {
+  const Four floats;
+  const auto row = [&](std::size_t i) {
+    return hn::LoadU(floats, reinterpret_cast<const float*>(records[i]) + first);
+  };
+  return transposed({row(0), row(1), row(2), row(3)});
+}
+
+/// `likely_split_sphere_weight` (core/interpolation.h), operation by operation.
+void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                   float* weights) {
+  static_assert(offsetof(Record, p) == 0 && offsetof(Record, n) == 3 * sizeof(float) &&
+                offsetof(Record, R) == 6 * sizeof(float) && sizeof(Record) >= 8 * sizeof(float));
+  const Four floats;
+  const auto all = [&](float v) { return hn::Set(floats, v); };
+  const auto dot = [&](auto ax, auto ay, auto az, auto bx, auto by, auto bz) {
+    return hn::Add(hn::Add(hn::Mul(ax, bx), hn::Mul(ay, by)), hn::Mul(az, bz));
+  };
+  const auto xx = all(x.p.x), xy = all(x.p.y), xz = all(x.p.z);
+  const auto nx = all(x.n.x), ny = all(x.n.y), nz = all(x.n.z);
+  const auto one = all(1.0f), tolerance = all(-kInFrontTolerance);
+  for (std::uint32_t i = 0; i < n; i += kWeighed) {
+    const Rows first = columns(records + i, 0), second = columns(records + i, 4);
+    const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
+    const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
+    const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));
+    const auto error = hn::Add(hn::Div(hn::Sqrt(dot(dx, dy, dz, dx, dy, dz)), radius), hn::Sqrt(bend));
+    const auto front = hn::Mul(all(0.5f), dot(dx, dy, dz, hn::Add(nx, rx), hn::Add(ny, ry), hn::Add(nz, rz)));
+    const auto valid = hn::And(hn::Lt(error, all(a)), hn::Ge(front, hn::Mul(tolerance, radius)));
+    const auto weight = hn::Div(one, hn::Max(error, all(kMinError)));
+    hn::StoreU(hn::IfThenElseZero(valid, weight), floats, weights + i);
+  }
+}
+#endif
 
 }  // namespace HWY_NAMESPACE
 }  // namespace icbench
@@ -123,31 +165,32 @@ HWY_AFTER_NAMESPACE();
 namespace icbench {
 
 HWY_EXPORT(filter_lanes);
+HWY_EXPORT(weigh_records);
 
 namespace {
 
-/// The filter for the best of the targets that are allowed now.
-LaneFilter chosen_filter() {
+/// The kernels for the best of the targets that are allowed now.
+LaneKernels chosen_kernels() {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return HWY_DYNAMIC_DISPATCH(filter_lanes);
+  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records)};
 }
 
 }  // namespace
 
-LaneFilter SimdLanes::best() noexcept {
-  static const LaneFilter filter = chosen_filter();
-  return filter;
+LaneKernels SimdLanes::best() noexcept {
+  static const LaneKernels kernels = chosen_kernels();
+  return kernels;
 }
 
-std::vector<NamedLaneFilter> lane_filters() {
-  std::vector<NamedLaneFilter> filters;
+std::vector<NamedLaneKernels> lane_kernels() {
+  std::vector<NamedLaneKernels> all;
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
-    filters.push_back({hwy::TargetName(target), chosen_filter()});
+    all.push_back({hwy::TargetName(target), chosen_kernels()});
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return filters;
+  return all;
 }
 
 }  // namespace icbench

@@ -12,6 +12,8 @@
 // last cells hold what lies up to a unit behind them.
 #pragma once
 
+#include <utility>
+
 #include "core/interpolation.h"
 #include "core/octree.h"
 #include "core/types.h"
@@ -42,9 +44,9 @@ struct PackedCell {
 /// A record's reach in grid units.
 class PackedReach {
  public:
-  /// Least width of a record's cell, in its reaches. Chosen by measurement: at 3 a query tests a third more
-  /// lanes, at 2 a record takes 159 bytes instead of 140 and an insert a third longer (Cornell box, 10^5 records).
-  static constexpr float kCellWidth = 2.5f;
+  /// Least width of a record's cell, in its reaches: so little above 2 that a sphere meets two cells an axis at most, for
+  /// at the last level a cell is 2^7 units, and 2 (2^7 / 2.1 + kSlack) < 2^7.
+  static constexpr float kCellWidth = 2.1f;
 
   PackedReach(const OctreeAddressing& addressing, const Record& r, float a_max) noexcept
       : p_(addressing.to_grid(r.p)),
@@ -67,6 +69,13 @@ class PackedReach {
   const glm::vec3& n() const noexcept { return n_; }
   float reach() const noexcept { return reach_; }
   int level() const noexcept { return level_; }
+
+  /// The least and the greatest cell of `level` that the sphere's box touches.
+  std::pair<GridPoint, GridPoint> cells(int level) const noexcept {
+    const int shift = kMaxLevel - level;
+    return {{low_[0] >> shift, low_[1] >> shift, low_[2] >> shift},
+            {high_[0] >> shift, high_[1] >> shift, high_[2] >> shift}};
+  }
 
   /// Children of `cell` that the sphere's box touches, a bit each: at least one if the box touches the cell.
   unsigned children(const PackedCell& cell) const noexcept {
