@@ -25,7 +25,7 @@ class RandomStrips {
       at = {place(), place(), place(), 1.0f + 2.0f * random_.uniform()};
     }
     for (int i = 0; i < 12; ++i) {
-      const std::uint32_t stride = random_.below(3) == 0 ? chunk_lanes(0) : kStripLanes;
+      const std::uint32_t stride = random_.below(3) == 0 ? 4 : kStripLanes;
       const std::uint32_t* at = words_ + 2 * kStripLanes * random_.below(4);
       const std::uint32_t bits = random_.below(3) == 0 ? ~0u : random_();
       strips.push_back({at, &points_[random_.below(4)], stride, bits & ((1u << stride) - 1)});
@@ -83,12 +83,12 @@ TEST(Lanes, EveryWidthWeighsAsTheDefinitionDoes) {
     std::vector<const Record*> pointers;
     for (const Record& r : records) pointers.push_back(&r);
     const auto n = static_cast<std::uint32_t>(records.size());
-    pointers.resize(n + kWeighed - 1, pointers[0]);
+    pointers.resize(n + kWeighed, pointers[0]);
     auto all = lane_kernels();
     all.push_back({"scalar", ScalarLanes::best()});
     all.push_back({"best", SimdLanes::best()});
     for (const NamedLaneKernels& k : all) {
-      std::vector<float> weights(n + kWeighed - 1);
+      std::vector<float> weights(n + kWeighed);
       k.kernels.weigh(x, a, pointers.data(), n, weights.data());
       for (std::uint32_t j = 0; j < n; ++j) {
         const float expected = split_sphere_weight(x, records[j], a);

@@ -99,35 +99,52 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
   weigh_records_scalar(x, a, records, n, weights);
 }
 #else
-// Records are weighed four at a time, in vectors that every machine has.
-using Four = hn::FixedTag<float, kWeighed>;
-using Four64 = hn::RepartitionToWide<Four>;
+// Records are weighed eight at a time, or four where vectors are no longer than that.
+using Group = hn::CappedTag<float, kWeighed>;
+using Pairs = hn::RepartitionToWide<Group>;
+constexpr std::size_t kGroup = hn::MaxLanes(Group());
+static_assert(kGroup == 4 || kGroup == kWeighed);
 
-struct Rows {
-  hn::Vec<Four> a, b, c, d;
+/// Four floats of each of kGroup records, a column a vector.
+struct Columns {
+  hn::Vec<Group> a, b, c, d;
 };
 
-/// Columns of four rows.
-HWY_INLINE Rows transposed(const Rows& r) {
-  const Four floats;
-  const Four64 pairs;
-  const auto lower = [&](auto v, auto w) { return hn::BitCast(pairs, hn::InterleaveLower(floats, v, w)); };
-  const auto upper = [&](auto v, auto w) { return hn::BitCast(pairs, hn::InterleaveUpper(floats, v, w)); };
-  const auto ab_low = lower(r.a, r.b), cd_low = lower(r.c, r.d);
-  const auto ab_high = upper(r.a, r.b), cd_high = upper(r.c, r.d);
+/// Columns of four rows, in each block of four floats for itself.
+HWY_INLINE Columns transposed(hn::Vec<Group> a, hn::Vec<Group> b, hn::Vec<Group> c, hn::Vec<Group> d) {
+  const Group floats;
+  const Pairs pairs;
+  const auto ab_low = hn::BitCast(pairs, hn::InterleaveLower(floats, a, b));
+  const auto cd_low = hn::BitCast(pairs, hn::InterleaveLower(floats, c, d));
+  const auto ab_high = hn::BitCast(pairs, hn::InterleaveUpper(floats, a, b));
+  const auto cd_high = hn::BitCast(pairs, hn::InterleaveUpper(floats, c, d));
   return {hn::BitCast(floats, hn::InterleaveLower(pairs, ab_low, cd_low)),
           hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_low, cd_low)),
           hn::BitCast(floats, hn::InterleaveLower(pairs, ab_high, cd_high)),
           hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_high, cd_high))};
 }
 
-/// Eight floats of each of four records: p, n, R, and one that is not used.
-HWY_INLINE Rows columns(const Record* const* records, std::size_t first) {
-  const Four floats;
-  const auto row = [&](std::size_t i) {
-    return hn::LoadU(floats, reinterpret_cast<const float*>(records[i]) + first);
+/// The first eight floats of kGroup records: x, y, z of the place and of the normal, R, and one that is not used.
+struct Weighed {
+  Columns first, second;
+};
+HWY_INLINE Weighed columns(const Record* const* records) {
+  const Group floats;
+  const auto row = [&](std::size_t i, std::size_t from) {
+    return hn::LoadU(floats, reinterpret_cast<const float*>(records[i]) + from);
   };
-  return transposed({row(0), row(1), row(2), row(3)});
+#if HWY_TARGET <= HWY_AVX2
+  // A row is a vector.
+  const Columns low = transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0));
+  const Columns high = transposed(row(4, 0), row(5, 0), row(6, 0), row(7, 0));
+  return {{hn::ConcatLowerLower(floats, high.a, low.a), hn::ConcatLowerLower(floats, high.b, low.b),
+           hn::ConcatLowerLower(floats, high.c, low.c), hn::ConcatLowerLower(floats, high.d, low.d)},
+          {hn::ConcatUpperUpper(floats, high.a, low.a), hn::ConcatUpperUpper(floats, high.b, low.b),
+           hn::ConcatUpperUpper(floats, high.c, low.c), hn::ConcatUpperUpper(floats, high.d, low.d)}};
+#else
+  return {transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0)),
+          transposed(row(0, 4), row(1, 4), row(2, 4), row(3, 4))};
+#endif
 }
 
 /// `likely_split_sphere_weight` (core/interpolation.h), operation by operation.
@@ -135,7 +152,7 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
                    float* weights) {
   static_assert(offsetof(Record, p) == 0 && offsetof(Record, n) == 3 * sizeof(float) &&
                 offsetof(Record, R) == 6 * sizeof(float) && sizeof(Record) >= 8 * sizeof(float));
-  const Four floats;
+  const Group floats;
   const auto all = [&](float v) { return hn::Set(floats, v); };
   const auto dot = [&](auto ax, auto ay, auto az, auto bx, auto by, auto bz) {
     return hn::Add(hn::Add(hn::Mul(ax, bx), hn::Mul(ay, by)), hn::Mul(az, bz));
@@ -143,8 +160,8 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
   const auto xx = all(x.p.x), xy = all(x.p.y), xz = all(x.p.z);
   const auto nx = all(x.n.x), ny = all(x.n.y), nz = all(x.n.z);
   const auto one = all(1.0f), tolerance = all(-kInFrontTolerance);
-  for (std::uint32_t i = 0; i < n; i += kWeighed) {
-    const Rows first = columns(records + i, 0), second = columns(records + i, 4);
+  for (std::uint32_t i = 0; i < n; i += kGroup) {
+    const auto [first, second] = columns(records + i);
     const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
     const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
     const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));

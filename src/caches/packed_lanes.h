@@ -112,30 +112,13 @@ inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept
 /// Most lanes that are tested at once.
 inline constexpr std::uint32_t kStripLanes = 16;
 
-/// Lanes of a cell lie in chunks of 4, 16 and 44 at most, numbered through, one bit of the cell's mask each. A chunk is
-/// strips of so many lanes as there is room for, 16 at most, in structure-of-arrays form: all places, then all indices.
-inline constexpr int kChunks = 3;
-inline constexpr std::uint32_t kCellLanes = 64;
-inline constexpr std::uint32_t kCellStrips = 5;
-inline constexpr std::array<std::uint32_t, kChunks + 1> kChunkBegin = {0, 4, 20, kCellLanes};
+/// Lanes lie in strips of so many, in structure-of-arrays form: their places, then their indices. A cell has four strips at
+/// most, and one bit of its mask a lane.
+inline constexpr std::uint32_t kStripWords = 2 * kStripLanes;
+inline constexpr std::uint32_t kCellStrips = 4;
+inline constexpr std::uint32_t kCellLanes = kCellStrips * kStripLanes;
 
-inline constexpr std::uint32_t chunk_lanes(int chunk) noexcept {
-  return kChunkBegin[static_cast<std::size_t>(chunk) + 1] - kChunkBegin[static_cast<std::size_t>(chunk)];
-}
-inline constexpr int chunk_of(std::uint32_t lane) noexcept {
-  return lane < kChunkBegin[1] ? 0 : lane < kChunkBegin[2] ? 1 : 2;
-}
-/// Distance of a lane's two words.
-inline constexpr std::uint32_t chunk_stride(int chunk) noexcept {
-  return std::min(chunk_lanes(chunk), kStripLanes);
-}
-/// Where in its chunk the first word of a lane is.
-inline constexpr std::uint32_t lane_offset(std::uint32_t lane) noexcept {
-  const std::uint32_t i = lane - kChunkBegin[static_cast<std::size_t>(chunk_of(lane))];
-  return i / kStripLanes * 2 * kStripLanes + i % kStripLanes;
-}
-
-/// Neighbouring lanes of a chunk. Those outside `bits` may be written by others just now and must not be loaded.
+/// Neighbouring lanes. Those outside `bits` may be written by others just now and must not be loaded.
 struct LaneStrip {
   const std::uint32_t* words;  ///< places; indices are `stride` further
   const LanePoint* at;
@@ -156,7 +139,26 @@ struct LaneKernels {
 };
 
 /// Most records that are weighed at once.
-inline constexpr std::uint32_t kWeighed = 4;
+inline constexpr std::uint32_t kWeighed = 8;
+
+/// Calls f(record, weight) for those of n records that are valid at x, or hands f all of them at once if it takes that
+/// (core/interpolation.h). Both arrays have room for kWeighed - 1 more, and there is a record at that many. Returns how
+/// many are valid.
+template <class F>
+std::uint32_t show_valid(const LaneKernels& kernels, const SurfacePoint& x, float a,
+                         const Record* const* records, std::uint32_t n, float* weights, F& f) noexcept {
+  kernels.weigh(x, a, records, n, weights);
+  std::uint32_t valid = 0;
+  for (std::uint32_t i = 0; i < n; ++i) valid += weights[i] > 0.0f;
+  if constexpr (requires { f.add(records, weights, n); }) {
+    f.add(records, weights, n);
+  } else {
+    for (std::uint32_t i = 0; i < n; ++i) {
+      if (weights[i] > 0.0f) f(*records[i], weights[i]);
+    }
+  }
+  return valid;
+}
 
 /// One lane after the other.
 inline std::uint32_t filter_lanes_scalar(float share, const LaneStrip* strips, std::uint32_t n,

@@ -4,13 +4,18 @@
 // Use: this is a *structure*. Packed<PlainSync> is the sequential one that locks and thread-local copies wrap;
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
-// Memory. Cells down to a level that suits the capacity stand in a grid, one per level, and are found without a walk; below
-// its finest level are nodes, a cache line each: eight children, of each the node below and the cell itself, if they are
-// there. A cell is a line too: the mask of its lanes, their count, the first 4 of them, where further chunks of 16 and 44
-// are, and a list for what does not fit. A lane is 8 bytes of a record (caches/packed_lanes.h), tested many at once; a
-// record and its mark have a line, read only if one of the record's lanes was kept. Cells without records and nodes
-// without cells below are not there. The grid says where its cells' chunks are, too, so that a query waits for memory
-// three times as a rule: for an entry of the grid, for a cell and its lanes, and for the records.
+// Memory. Cells down to a level that suits the capacity stand in a grid and are found without a walk: the upper levels
+// as a whole, the two finest in bricks, which are there where records are. Below are nodes, a cache line each: eight
+// children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their count,
+// 16 lanes, a word that says where 48 more are, and a list for what does not fit. A lane is 8 bytes of a record
+// (caches/packed_lanes.h), tested many at once; a record is 44 bytes and its mark, read only if one of its lanes was
+// kept. Cells without records and nodes without cells below are not there. A brick says where its cells' further lanes
+// are, too, so that a query waits for memory three times as a rule: for a brick's entry, for a cell with all its lanes,
+// and for the records.
+//
+// Guests. A record is stored at the level whose cells suit its reach (caches/packed_reach.h), or up to two levels above
+// in cells of the grid or below that have few lanes. So what is small and alone, as at edges, has no nodes, cells and
+// copies of its own (10^5 records of Cornell box: a quarter of the nodes, two fifths of the cells).
 //
 // Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full
 // as well, into their lists. A second split would not pay: a child is at most 2.1 reaches wide, so most of what is
@@ -20,7 +25,7 @@
 // What an insert does, step by step, and what others see if it stops there for ever
 //
 //   1  takes a place in the table                     the place is not used; nobody sees it
-//   2  in every cell: installs missing nodes, cells and chunks, reserves a lane or a place in the list; notes the cell's
+//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes the cell's
 //      level among those in use, if it is above the grid's finest
 //                                                     the lanes stay out of the mask, the places unmarked: nobody reads them
 //   3  writes the record, then lane by lane: words, mask bit
@@ -36,26 +41,27 @@
 //   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane first;
 //       a record that is seen has all its lanes published before, so that no later query misses it anywhere.
 //
-//   P2  install: CAS release of a child's, cell's or chunk's word -> descend, step: its load acquire; publishes the node,
-//       cell or chunk, and with it the zeroing of its memory by a clear in another thread
+//   P2  install: CAS release of the word of a brick, node, cell or further lanes -> follow, go_by, take_up, step: its load
+//       acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread
 //
-//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and the chunk, which
-//       whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
+//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and where they are,
+//       which whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
 //
 // The levels in use are read and set relaxed: an insert notes its level before it marks the record, so whoever has seen
-// the record, or what its inserting thread did afterwards, by P1 or otherwise, sees the level. The chunks that grid entries name are
-// hints for prefetching, relaxed: nothing is read by them.
+// the record, or what its thread did afterwards, sees the level. What a brick says of further lanes is a hint for
+// prefetching, relaxed: nothing is read by it.
 //
-// Progress (StdSync), in steps on shared memory. Every loop is over levels, children, chunks or an extent read once;
+// Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once;
 // nothing is retried but the noting of a level, whose CAS fails only if another level was noted meanwhile.
 //
-//   insert  wait-free: below the grid at most 8 paths of nodes, 27 cells at their own level or one below, and a node above
-//           each of these; each that is missing costs a load, an allocation (4 steps) and a CAS, whose loser adopts the
-//           winner's; a lane in each cell (10 steps), or a look at a full one (2) and a place in a list (insert_steps).
+//   insert  wait-free: at most 8 cells a level are looked at on the record's own level and on two above, below the grid at
+//           the end of 8 paths of nodes, and 27 get a copy; each look at a cell is at most the noting of its level and two
+//           words, each of which costs a load, an allocation (4 steps) and a CAS if it is missing, whose loser adopts the
+//           winner's; a copy is a lane, and if that was in vain a place in the list (insert_steps).
 //
-//   visit   wait-free: the levels in use; two words a level below the grid, and in it one and two hints; of each cell on
-//           the path the mask, two chunks and the list's count; then the lanes and places that these showed, once
-//           (list_steps). A cell counts as two lists, its lanes and the rest.
+//   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each cell
+//           on the path the mask, the word of its further lanes and the list's count; then the lanes and places that
+//           these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
 //
 // Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
 // visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
@@ -79,11 +85,10 @@ class Packed {
   using Marks = typename Visibility::template In<Sync>;
   using List = SlotPool<Sync, Sync, AtFirstSight, UnitIndex>;
 
-  static constexpr std::size_t kNodeBytes = 64, kCellBytes = 64, kLineBytes = 64, kEntryBytes = 16,
-                               kBrickBytes = 72 * kEntryBytes, kStoredAlign = 16;
+  static constexpr std::size_t kLineBytes = 64, kNodeBytes = 64, kCellBytes = 192, kMoreBytes = 384,
+                               kEntryBytes = 12, kBrickBytes = 72 * kEntryBytes, kStoredAlign = 16;
   static constexpr std::uint32_t kFreedBatch = 16;
   static constexpr int kMostGridLevels = 8;
-  static constexpr int kHints = kChunks - 1;
   struct alignas(kStoredAlign) Stored {
     typename Marks::Mark mark;
     Record record;
@@ -93,7 +98,7 @@ class Packed {
   using Bricks = Arena<Sync, kBrickBytes>;
   using Nodes = Arena<Sync, kNodeBytes>;
   using Cells = Arena<Sync, kCellBytes>;
-  using Chunks = Arena<Sync, kLineBytes>;
+  using More = Arena<Sync, kMoreBytes>;
   using Table = Arena<Sync, sizeof(Stored)>;
 
  public:
@@ -127,11 +132,11 @@ class Packed {
   static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "48 level below the grid + 3477"
                                                                            : "48 level below the grid + 3475",
                                     kVisitBound = Visibility::kIsSnapshot
-                                                      ? "50 + per list (5 + links + 5 slots)"
-                                                      : "49 + per list (5 + links + 2 slots)";
+                                                      ? "41 + per list (3 + links + 5 slots)"
+                                                      : "40 + per list (3 + links + 2 slots)";
   static constexpr std::uint32_t kVisitSteps =
-      1 + 2 * (kPackedLevels + 1) + kHints * (kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
-  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 50 : 49));
+      1 + 2 * (kPackedLevels + 1) + (kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
+  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 41 : 40));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of an insert `below` levels below the grid.
@@ -155,7 +160,7 @@ class Packed {
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
   static constexpr std::uint64_t list_steps(std::uint32_t extent) noexcept {
-    return 1 + kChunks + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
+    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
   }
 
   /// A session's own allocation state.
@@ -164,12 +169,11 @@ class Packed {
     ArenaCursor<Bricks> bricks_;
     ArenaCursor<Nodes> nodes_;
     ArenaCursor<Cells> cells_;
-    ArenaCursor<Chunks> chunks_;
+    ArenaCursor<More> more_;
     ArenaCursor<Table> table_;
     typename List::Workspace list_;
     // Set aside by lost races; zero, as allocated.
-    UnitIndex spare_brick_ = 0, spare_node_ = 0, spare_cell_ = 0;
-    std::array<UnitIndex, kChunks> spare_chunks_{};
+    UnitIndex spare_brick_ = 0, spare_node_ = 0, spare_cell_ = 0, spare_more_ = 0;
     std::array<UnitIndex, kFreedBatch> freed_{};  // places that dropped records left, this session's
     std::uint32_t freed_left_ = 0;
     UnitIndex spare_place_ = 0;  // of an insert that failed
@@ -184,7 +188,7 @@ class Packed {
         bricks_(top_cells() + sessions_ * kIdleBricks + 1, is_large(config)),
         nodes_(kSpareRoom * config.capacity * kWorstNodes + sessions_ * kIdleNodes + 1, is_large(config)),
         cells_(kSpareRoom * config.capacity * kMostCells + sessions_ * kIdleCells + 1, is_large(config)),
-        chunks_(kSpareRoom * config.capacity * kWorstLines + sessions_ * kIdleLines, is_large(config)),
+        more_(kSpareRoom * config.capacity * kWorstMore + sessions_ * kIdleMore, is_large(config)),
         table_(config.capacity + 2 * sessions_ * kIdlePlaces, is_large(config)),
         list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {
     plant();
@@ -280,7 +284,7 @@ class Packed {
     bricks_.reset();
     nodes_.reset();
     cells_.reset();
-    chunks_.reset();
+    more_.reset();
     table_.reset();
     list_.reset();
     marks_.clear();
@@ -299,23 +303,23 @@ class Packed {
     const std::uint64_t reusable = freed - std::min(next_freed_.load(std::memory_order_relaxed), freed);
     const std::uint64_t fit = std::min(
         {records(nodes_.left(), kIdleNodes, kWorstNodes), records(cells_.left(), kIdleCells, kMostCells),
-         records(chunks_.left(), kIdleLines, kWorstLines), records(table_.left() + reusable, kIdlePlaces, 1),
+         records(more_.left(), kIdleMore, kWorstMore), records(table_.left() + reusable, kIdlePlaces, 1),
          records(list_.units_left(), List::kIdleUnits, kWorstListUnits)});
     return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
   }
 
   /// Takes and touches memory for about n inserts of one session.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.nodes_.prefault(nodes_, n / 8, kNodeBytes);
-    workspace.cells_.prefault(cells_, n / 2, kCellBytes);
-    workspace.chunks_.prefault(chunks_, n / 2, kLineBytes);
+    workspace.nodes_.prefault(nodes_, n / 16, kNodeBytes);
+    workspace.cells_.prefault(cells_, n / 4, kCellBytes);
+    workspace.more_.prefault(more_, n / 16, kMoreBytes);
     workspace.table_.prefault(table_, n, sizeof(Stored));
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
-    nodes_.touch(offset / 8, n / 8);
-    cells_.touch(offset / 2, n / 2);
-    chunks_.touch(offset / 2, n / 2);
+    nodes_.touch(offset / 16, n / 16);
+    cells_.touch(offset / 4, n / 4);
+    more_.touch(offset / 16, n / 16);
     table_.touch(offset, n);
   }
 
@@ -325,7 +329,7 @@ class Packed {
   /// Bytes that `workspace` has allocated.
   static std::size_t bytes(const Workspace& workspace) noexcept {
     return workspace.bricks_.units_used() * kBrickBytes + workspace.nodes_.units_used() * kNodeBytes +
-           workspace.cells_.units_used() * kCellBytes + workspace.chunks_.units_used() * kLineBytes +
+           workspace.cells_.units_used() * kCellBytes + workspace.more_.units_used() * kMoreBytes +
            workspace.table_.units_used() * sizeof(Stored) + List::bytes(workspace.list_);
   }
 
@@ -346,16 +350,17 @@ class Packed {
     Atomic<std::uint64_t> mask;
     typename List::List rest;
     Atomic<std::uint32_t> count;
-    Atomic<UnitIndex> chunk[kChunks - 1];     // the second and third
-    std::uint32_t lanes[2 * chunk_lanes(0)];  // the first
+    Atomic<UnitIndex> more;                                // the other strips
+    alignas(kLineBytes) std::uint32_t strip[kStripWords];  // the first
   };
-  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first lanes are one cache line");
+  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first strip are three cache lines");
 
-  static constexpr std::uint32_t kHintedLines = 4;  // of a chunk: what is filled as a rule
+  static_assert(kMoreBytes == (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t));
+  static constexpr std::size_t kHintedBytes = kMoreBytes / 3 * 2;  // what is filled as a rule
   // A cell of the grid.
-  struct alignas(kEntryBytes) Entry {
+  struct Entry {
     Branch branch;
-    Atomic<UnitIndex> hint[kHints];  // the cell's chunks, if they are there
+    Atomic<UnitIndex> more;  // the cell's, a hint
   };
   // The part of the grid's two finest levels that lies in a cell of the level above, whose entry's `node` is the brick.
   struct Brick {
@@ -380,34 +385,29 @@ class Packed {
   // A record may stay as a guest in a cell up to so many levels above its own that has fewer lanes than that: where
   // records are few or of many sizes, as at edges, that saves cells and copies.
   static constexpr int kGuestLevels = 2;
-  static constexpr std::uint32_t kGuestLanes = 20;
+  static constexpr std::uint32_t kGuestLanes = kStripLanes;
 
   // Address space over what the capacity can need, for nodes that dropped records leave behind (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
-  static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 32, kChunkPiece = 64,
+  static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 16, kMorePiece = 16,
                                  kTablePiece = 64;
-  // What a record can need at worst: eight paths, and a cell at the end of each. Further chunks, lower cells, and lists
+  // What a record can need at worst: eight paths, and a cell at the end of each. Further lanes, lower cells, and lists
   // are used only where many records are, and take less for each.
-  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstLines = 8,
+  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstMore = 2,
                                  kWorstListUnits = 32;
   static constexpr std::size_t kUpdateGrain = 1024;
 
-  static constexpr std::uint32_t chunk_lines(int chunk) noexcept {
-    return (chunk_lanes(chunk) + kStripLanes - 1) / kStripLanes *
-           (2 * kStripLanes * sizeof(std::uint32_t) / kLineBytes);
-  }
   // What a session may hold without a record in it: the rest of two pieces, and spares.
   static constexpr std::uint64_t kIdleBricks = 2 * kBrickPiece + 1, kIdleNodes = 2 * kNodePiece + 1,
-                                 kIdleCells = 2 * kCellPiece + 1,
-                                 kIdleLines = 2 * kChunkPiece + chunk_lines(1) + chunk_lines(2),
+                                 kIdleCells = 2 * kCellPiece + 1, kIdleMore = 2 * kMorePiece + 1,
                                  kIdlePlaces = 2 * kTablePiece + kFreedBatch + 1;
 
   // Nodes and cells are never constructed: zeroed memory is an empty one by the requirement on Sync (core/sync.h).
   Node& node(UnitIndex i) const noexcept { return *std::launder(static_cast<Node*>(nodes_.at(i))); }
   Cell& cell(UnitIndex i) const noexcept { return *std::launder(static_cast<Cell*>(cells_.at(i))); }
   Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
-  std::uint32_t* words(UnitIndex chunk) const noexcept {
-    return std::launder(static_cast<std::uint32_t*>(chunks_.at(chunk)));
+  std::uint32_t* more_strips(UnitIndex i) const noexcept {
+    return std::launder(static_cast<std::uint32_t*>(more_.at(i)));
   }
   static bool is_empty(const Stored& s) noexcept {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
@@ -464,6 +464,7 @@ class Packed {
     std::array<LanePoint, kMostPath> point;
     std::array<LaneStrip, kMostPath * kCellStrips> strip;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
+    std::array<Stored*, kMostPath * kCellLanes> stored;
   };
 
   UnitIndex take_place(Workspace& w) noexcept {
@@ -510,13 +511,13 @@ class Packed {
       if (brick == 0) return false;
       entry = &entry_in(brick, where.level, u);
     }
-    return reserve(insertion, where, level, entry->branch, entry->hint, counters);
+    return reserve(insertion, where, level, entry->branch, &entry->more, counters);
   }
 
-  /// The same of any cell. `hints`: null below the grid.
+  /// The same of any cell. `hint`: null below the grid.
   template <class Counters>
   bool reserve(Insertion& insertion, const PackedCell& where, int level, Branch& branch,
-               Atomic<UnitIndex>* hints, Counters& counters) noexcept {
+               Atomic<UnitIndex>* hint, Counters& counters) noexcept {
     const PackedReach& reach = insertion.reach;
     Workspace& workspace = insertion.workspace;
     if (where.level >= level) {
@@ -534,7 +535,7 @@ class Packed {
       if (c.count.load(std::memory_order_relaxed) < room) {
         copy.lane = c.count.fetch_add(1, std::memory_order_relaxed);
         if (copy.lane < kCellLanes) {
-          copy.words = chunk_for(workspace, c, chunk_of(copy.lane), hints, counters);
+          copy.words = lane_for(workspace, c, copy.lane, hint, counters);
           ++insertion.reserved;
           return copy.words != nullptr;
         }
@@ -590,27 +591,30 @@ class Packed {
     return install<Sync>(word, fresh, spare, counters);
   }
 
-  /// The words of chunk `k` of a cell, installed if missing; null if the pool is used up.
+  /// Where a lane's first word is; null if its strip is not there and the pool is used up.
   template <class Counters>
-  std::uint32_t* chunk_for(Workspace& workspace, Cell& c, int k, Atomic<UnitIndex>* hints,
-                           Counters& counters) noexcept {
-    if (k == 0) return c.lanes;
-    const UnitIndex chunk = follow(c.chunk[k - 1], chunks_, chunk_lines(k), workspace.chunks_, kChunkPiece,
-                                   workspace.spare_chunks_[static_cast<std::size_t>(k)], counters);
-    if (hints != nullptr) hints[k - 1].store(chunk, std::memory_order_relaxed);  // relaxed: see the header
-    return chunk == 0 ? nullptr : words(chunk);
+  std::uint32_t* lane_for(Workspace& workspace, Cell& c, std::uint32_t lane, Atomic<UnitIndex>* hint,
+                          Counters& counters) noexcept {
+    if (lane < kStripLanes) return c.strip + lane;
+    const UnitIndex more =
+        follow(c.more, more_, 1, workspace.more_, kMorePiece, workspace.spare_more_, counters);
+    if (more == 0) return nullptr;
+    if (hint != nullptr) hint->store(more, std::memory_order_relaxed);  // relaxed: see the header
+    return more_lane(more_strips(more), lane);
+  }
+  static std::uint32_t* more_lane(std::uint32_t* more, std::uint32_t lane) noexcept {
+    return more + (lane / kStripLanes - 1) * kStripWords + lane % kStripLanes;
   }
 
   /// Writes a copy of the record at `place`, and then shows it.
   void publish(const Copy& copy, const PackedReach& reach, UnitIndex place) noexcept {
     if (copy.words == nullptr) return list_.publish(copy.rest, place);
-    const std::uint32_t stride = chunk_stride(chunk_of(copy.lane));
-    std::uint32_t* word = copy.words + lane_offset(copy.lane);
+    std::uint32_t* word = copy.words;
     for (const std::uint32_t value :
          {make_lane(reach.p(), reach.reach(), copy.where.corner(), copy.where.level), place}) {
       Sync::writes(word, sizeof *word);
       *word = value;
-      word += stride;
+      word += kStripLanes;
     }
     // An addition, which no other insert does of this bit, and so as good as an or.
     copy.cell->mask.fetch_add(std::uint64_t{1} << copy.lane, std::memory_order_release /* P6 */);
@@ -637,10 +641,7 @@ class Packed {
       entry = &entry_in(entry->branch.node.load(std::memory_order_acquire /* P2 */), level, walk.u);
     take_up(walk, entry->branch, level);
     // Unit 0 of a pool is nobody's, and harmless to prefetch.
-    for (int k = 1; k < kChunks; ++k) {
-      const auto* lanes = words(entry->hint[k - 1].load(std::memory_order_relaxed));
-      prefetch(lanes, std::min(chunk_lines(k), kHintedLines) * kLineBytes);
-    }
+    prefetch(more_strips(entry->more.load(std::memory_order_relaxed)), kHintedBytes);
     return entry->branch;
   }
 
@@ -649,7 +650,7 @@ class Packed {
     const UnitIndex here = branch.cell.load(std::memory_order_acquire /* P2 */);
     // No branch on what cannot be foreseen, here and below.
     Cell& c = cell(here);
-    __builtin_prefetch(&c);
+    prefetch(&c, kCellBytes);
     walk.cell[walk.cells] = &c;
     walk.cell_level[walk.cells] = level;
     walk.cells += here != 0;
@@ -674,27 +675,24 @@ class Packed {
       walk.point[i] = make_lane_point(walk.p, where.corner(), level);
       const std::uint64_t mask = c.mask.load(std::memory_order_acquire /* P6 */);
       Sync::extent(static_cast<std::uint32_t>(std::popcount(mask)));
-      list_strips(walk, walk.point[i], mask, 0, c.lanes);
-      // Relaxed: the mask that shows one of its lanes was acquired (P6). Without such a lane it may be missing still.
-      for (int k = 1; k < kChunks && mask >> kChunkBegin[static_cast<std::size_t>(k)] != 0; ++k)
-        list_strips(walk, walk.point[i], mask, k, words(c.chunk[k - 1].load(std::memory_order_relaxed)));
+      list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask) & 0xffffu, c.strip);
+      if (mask >> kStripLanes == 0) continue;
+      // Relaxed: the mask that shows one of its lanes was acquired (P6).
+      const std::uint32_t* more = more_strips(c.more.load(std::memory_order_relaxed));
+      for (std::uint32_t s = 1; s < kCellStrips; ++s)
+        list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask >> (s * kStripLanes)) & 0xffffu,
+                   more + (s - 1) * kStripWords);
     }
   }
 
-  /// Lists the strips of chunk `k`, at `lanes`, that have lanes in the mask.
-  void list_strips(Walk& walk, const LanePoint& point, std::uint64_t mask, int k,
-                   const std::uint32_t* lanes) noexcept {
-    const std::uint32_t stride = chunk_stride(k), end = kChunkBegin[static_cast<std::size_t>(k) + 1];
-    for (std::uint32_t first = kChunkBegin[static_cast<std::size_t>(k)]; first < end; first += stride) {
-      const auto bits =
-          static_cast<std::uint32_t>(mask >> first) & ((1u << std::min(stride, end - first)) - 1);
-      const std::uint32_t* strip = lanes + lane_offset(first);
-      walk.strip[walk.strips] = {strip, &point, stride, bits};
-      walk.strips += bits != 0;
-      for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
-        Sync::reads(strip + std::countr_zero(rest), sizeof *strip);
-        Sync::reads(strip + stride + std::countr_zero(rest), sizeof *strip);
-      }
+  /// Lists a strip if it has lanes in the mask.
+  void list_strip(Walk& walk, const LanePoint& point, std::uint32_t bits,
+                  const std::uint32_t* strip) noexcept {
+    walk.strip[walk.strips] = {strip, &point, kStripLanes, bits};
+    walk.strips += bits != 0;
+    for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
+      Sync::reads(strip + std::countr_zero(rest), sizeof *strip);
+      Sync::reads(strip + kStripLanes + std::countr_zero(rest), sizeof *strip);
     }
   }
 
@@ -702,9 +700,9 @@ class Packed {
   void filter(Walk& walk) noexcept {
     walk.kept = kernels_.filter(walk.share, walk.strip.data(), walk.strips, walk.places.data());
     for (std::uint32_t k = 0; k < walk.kept; ++k) {
-      const auto* stored = reinterpret_cast<const std::byte*>(&at(walk.places[k]));
+      Stored* stored = walk.stored[k] = &at(walk.places[k]);
       __builtin_prefetch(stored);
-      __builtin_prefetch(stored + sizeof(Stored) - 1);
+      __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
     }
   }
 
@@ -722,24 +720,16 @@ class Packed {
     const auto show = [&](std::uint32_t n) noexcept {
       if (n == 0) return;
       for (std::uint32_t k = 0; k < n; ++k) Sync::reads(shown[k], sizeof(Record));
-      for (std::uint32_t k = n; k < n + kWeighed - 1; ++k) shown[k] = shown[0];
-      kernels_.weigh(x, a, shown.data(), n, weights.data());
-      const auto valid = [&](std::uint32_t k) { return weights[k] > 0.0f; };
-      if constexpr (requires { f.add(shown.data(), weights.data(), n); }) {
-        f.add(shown.data(), weights.data(), n);
-      } else {
-        for (std::uint32_t k = 0; k < n; ++k) {
-          if (valid(k)) f(*shown[k], weights[k]);
-        }
-      }
+      for (std::uint32_t k = n; k % kWeighed != 0; ++k) shown[k] = shown[0];
+      const std::uint32_t valid = show_valid(kernels_, x, a, shown.data(), n, weights.data(), f);
       counters.template add<&Counts::records_read>(n);
-      for (std::uint32_t k = 0; k < n; ++k) counters.template add<&Counts::records_valid>(valid(k));
+      counters.template add<&Counts::records_valid>(valid);
     };
     for (std::uint32_t i = 0; i < walk.kept; i += kAtOnce) {
       const std::uint32_t end = std::min(i + kAtOnce, walk.kept);
       std::uint32_t n = 0;
       for (std::uint32_t k = i; k < end; ++k) {
-        Stored& stored = at(walk.places[k]);
+        Stored& stored = *walk.stored[k];
         shown[n] = &stored.record;
         n += marks_.shows(stored.mark, walk.moment);
       }
@@ -753,33 +743,23 @@ class Packed {
       });
   }
 
-  /// Where a lane's words are, chunk_stride apart; nowhere if its chunk is missing.
-  static std::uint32_t* lane_at(const std::array<std::uint32_t*, kChunks>& chunks,
-                                std::uint32_t lane) noexcept {
-    std::uint32_t* chunk = chunks[static_cast<std::size_t>(chunk_of(lane))];
-    return chunk == nullptr ? nullptr : chunk + lane_offset(lane);
-  }
-
   /// Takes the copies of dropped records out of a cell; what is kept moves up. Quiescent.
   void forget_dropped(Cell& c) {
     // All orders relaxed: quiescent; the caller's synchronisation publishes.
-    std::array<std::uint32_t*, kChunks> chunks = {c.lanes};
-    for (int k = 1; k < kChunks; ++k) {
-      const UnitIndex chunk = c.chunk[k - 1].load(std::memory_order_relaxed);
-      if (chunk != 0) chunks[static_cast<std::size_t>(k)] = words(chunk);
-    }
+    const UnitIndex more = c.more.load(std::memory_order_relaxed);
+    const auto lane_at = [&](std::uint32_t lane) {
+      return lane < kStripLanes ? c.strip + lane : more_lane(more_strips(more), lane);
+    };
     std::uint64_t mask = 0;
     std::uint32_t kept = 0;
+    // Where strips could not be had, no lane is published, so that none is asked for.
     for (std::uint64_t rest = c.mask.load(std::memory_order_relaxed); rest != 0; rest &= rest - 1) {
-      const auto lane = static_cast<std::uint32_t>(std::countr_zero(rest));
-      const std::uint32_t* from = lane_at(chunks, lane);
-      const UnitIndex place = from[chunk_stride(chunk_of(lane))];
+      const std::uint32_t* from = lane_at(static_cast<std::uint32_t>(std::countr_zero(rest)));
+      const UnitIndex place = from[kStripLanes];
       if (is_empty(at(place))) continue;
-      std::uint32_t* to = lane_at(chunks, kept);
-      // A chunk that could not be had leaves a gap.
-      while (to == nullptr) to = lane_at(chunks, ++kept);
+      std::uint32_t* to = lane_at(kept);
       to[0] = from[0];
-      to[chunk_stride(chunk_of(kept))] = place;
+      to[kStripLanes] = place;
       mask |= std::uint64_t{1} << kept++;
     }
     c.mask.store(mask, std::memory_order_relaxed);
@@ -798,7 +778,7 @@ class Packed {
   Bricks bricks_;
   Nodes nodes_;
   Cells cells_;
-  Chunks chunks_;
+  More more_;
   Table table_;
   List list_;
   [[no_unique_address]] Marks marks_;
