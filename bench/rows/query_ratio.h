@@ -25,9 +25,9 @@ class Filled {
   Cache cache_;
 };
 
-/// Both caches hold the same records; a sample asks both at the same points, one after the other. What was asked last is
-/// warm: so each is first asked at other points, untimed, until the processor's caches hold of it what they hold when
-/// nothing else is asked. `Above` and `Below`: what Filled is defined for.
+/// Both caches hold the same records; a sample asks both at the same points, one after the other. What was asked last
+/// is warm: so each is first asked at other points, untimed, until the processor's caches hold of it what they hold
+/// when nothing else is asked. `Above` and `Below`: what Filled is defined for.
 template <class Above, class Below>
 class QueryRatio : public Experiment {
  public:

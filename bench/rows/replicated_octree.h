@@ -1,5 +1,5 @@
-// What the packed octree is to be faster than: the same copies of records in cells, found by one walk from the root, but
-// whole records, tested one by one in scalar code. Read-only, for one thread or many.
+// What the packed octree is to be faster than: the same copies of records in cells, found by one walk from the root,
+// but whole records, tested one by one in scalar code. Read-only, for one thread or many.
 #pragma once
 
 #include <optional>

@@ -4,9 +4,9 @@
 // Use: `PackedFrozen frozen(cache.config(), records)`, then `query` or `visit` from any number of threads.
 //
 // Memory. Records are sorted along a space-filling curve (Morton order), so that those of a neighbourhood share pages.
-// An octree's leaves partition space, and a leaf knows all records that reach it, whatever their size, in one run of lanes
-// (caches/packed_lanes.h). A query looks up one word of a dense grid, goes down from there, tests one run, and reads the
-// records that are kept. Without marks, masks or spare room.
+// An octree's leaves partition space, and a leaf knows all records that reach it, whatever their size, in one run of
+// lanes (caches/packed_lanes.h). A query looks up one word of a dense grid, goes down from there, tests one run, and
+// reads the records that are kept. Without marks, masks or spare room.
 #pragma once
 
 #include <algorithm>
@@ -95,8 +95,8 @@ class PackedFrozen {
   }
 
  private:
-  // A word of the grid or of a node: a node's index, or where a leaf's run begins in units of kRunUnit words. A run is a
-  // count, so many lanes' places, and their indices.
+  // A word of the grid or of a node: a node's index, or where a leaf's run begins in units of kRunUnit words. A run is
+  // a count, so many lanes' places, and their indices.
   static constexpr std::uint32_t kIsNode = 1u << 31;
   static constexpr std::size_t kRunUnit = 4;
   static constexpr int kMostGridLevel = 7;

@@ -1,21 +1,22 @@
 // Lanes: what a cell of the packed octree knows of a record, 8 bytes of it, and the test that needs no more.
 //
-// A lane is one word for the record's place, to 9 bits an axis of four cells' width, and its reach, a float of 5 bits, and
-// one for its index. `keeps` tells from the first whether the record may be valid at a point. It is conservative: it never
-// turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h). So how a
-// lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they do the same
-// operations in single precision, each correctly rounded. Normals are not in it: a cell holds only records that it is not
-// wholly behind (caches/packed_reach.h), which leaves so few of other orientations that looking for them costs more than
-// it saves (Cornell box, 10^5 records: of 43 lanes 6.1 reach a point, and 5.9 of these are valid there).
+// A lane is one word for the record's place, to 9 bits an axis of four cells' width, and its reach, a float of 5 bits,
+// and one for its index. `keeps` tells from the first whether the record may be valid at a point. It is conservative:
+// it never turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h).
+// So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
+// do the same operations in single precision, each correctly rounded. Normals are not in it: a cell holds only records
+// that it is not wholly behind (caches/packed_reach.h), which leaves so few of other orientations that looking for them
+// costs more than it saves (Cornell box, 10^5 records: of 43 lanes 6.1 reach a point, and 5.9 of these are valid
+// there).
 //
 // Units. Positions are in grid units (core/octree.h); a step is 2^-7 of the cell's side. Reach is a_max R.
 //
 // Why it is conservative. Valid means |p - p_i| < R a in single precision, that is |p - p_i| < reach a / a_max. Of the
 // quantities in this
 //
-//   distance   errs by half a step an axis, 0.87 steps, for the lane's place; by 0.44 grid units an axis for the scaling
-//              of both positions and the validity test itself (core/octree.h), 0.77 in all. kSlackSteps and kSlackUnits
-//              are more, and are given to the right-hand side.
+//   distance   errs by half a step an axis, 0.87 steps, for the lane's place; by 0.44 grid units an axis for the
+//              scaling of both positions and the validity test itself (core/octree.h), 0.77 in all. kSlackSteps and
+//              kSlackUnits are more, and are given to the right-hand side.
 //   reach      is rounded up; kReachAlways stands for a reach or place that cannot be expressed: kept whatever the
 //              distance.
 //   a / a_max  is enlarged by a share of kRoundingSlack, worth a hundred roundings.
@@ -112,8 +113,8 @@ inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept
 /// Most lanes that are tested at once.
 inline constexpr std::uint32_t kStripLanes = 16;
 
-/// Lanes lie in strips of so many, in structure-of-arrays form: their places, then their indices. A cell has four strips at
-/// most, and one bit of its mask a lane.
+/// Lanes lie in strips of so many, in structure-of-arrays form: their places, then their indices. A cell has four
+/// strips at most, and one bit of its mask a lane.
 inline constexpr std::uint32_t kStripWords = 2 * kStripLanes;
 inline constexpr std::uint32_t kCellStrips = 4;
 inline constexpr std::uint32_t kCellLanes = kCellStrips * kStripLanes;

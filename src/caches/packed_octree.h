@@ -6,8 +6,8 @@
 //
 // Memory. Cells down to a level that suits the capacity stand in a grid and are found without a walk: the upper levels
 // as a whole, the two finest in bricks, which are there where records are. Below are nodes, a cache line each: eight
-// children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their count,
-// 16 lanes, a word that says where 48 more are, and a list for what does not fit. A lane is 8 bytes of a record
+// children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their
+// count, 16 lanes, a word that says where 48 more are, and a list for what does not fit. A lane is 8 bytes of a record
 // (caches/packed_lanes.h), tested many at once; a record is 44 bytes and its mark, read only if one of its lanes was
 // kept. Cells without records and nodes without cells below are not there. A brick says where its cells' further lanes
 // are, too, so that a query waits for memory three times as a rule: for a brick's entry, for a cell with all its lanes,
@@ -25,9 +25,10 @@
 // What an insert does, step by step, and what others see if it stops there for ever
 //
 //   1  takes a place in the table                     the place is not used; nobody sees it
-//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes the cell's
-//      level among those in use, if it is above the grid's finest
-//                                                     the lanes stay out of the mask, the places unmarked: nobody reads them
+//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes the
+//      cell's level among those in use, if it is above the grid's finest
+//                                                     the lanes stay out of the mask, the places unmarked: nobody
+//                                                     reads them
 //   3  writes the record, then lane by lane: words, mask bit
 //                                                     queries find lanes whose record's mark is empty, and pass on
 //   4  marks the record (caches/visibility.h)         it is there, in all cells at once
@@ -38,11 +39,11 @@
 //
 // Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P3 that of the list (caches/slot_list.h)
 //
-//   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane first;
-//       a record that is seen has all its lanes published before, so that no later query misses it anywhere.
+//   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane
+//       first; a record that is seen has all its lanes published before, so that no later query misses it anywhere.
 //
-//   P2  install: CAS release of the word of a brick, node, cell or further lanes -> follow, go_by, take_up, step: its load
-//       acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread
+//   P2  install: CAS release of the word of a brick, node, cell or further lanes -> follow, go_by, take_up, step: its
+//       load acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread
 //
 //   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and where they are,
 //       which whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
@@ -54,14 +55,14 @@
 // Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once;
 // nothing is retried but the noting of a level, whose CAS fails only if another level was noted meanwhile.
 //
-//   insert  wait-free: at most 8 cells a level are looked at on the record's own level and on two above, below the grid at
-//           the end of 8 paths of nodes, and 27 get a copy; each look at a cell is at most the noting of its level and two
-//           words, each of which costs a load, an allocation (4 steps) and a CAS if it is missing, whose loser adopts the
-//           winner's; a copy is a lane, and if that was in vain a place in the list (insert_steps).
+//   insert  wait-free: at most 8 cells a level are looked at on the record's own level and on two above, below the
+//           grid at the end of 8 paths of nodes, and 27 get a copy; each look at a cell is at most the noting of its
+//           level and two words, each of which costs a load, an allocation (4 steps) and a CAS if it is missing, whose
+//           loser adopts the winner's; a copy is a lane, and if that was in vain a place in the list (insert_steps).
 //
-//   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each cell
-//           on the path the mask, the word of its further lanes and the list's count; then the lanes and places that
-//           these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
+//   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each
+//           cell on the path the mask, the word of its further lanes and the list's count; then the lanes and places
+//           that these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
 //
 // Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
 // visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
