@@ -88,9 +88,14 @@ void add_packed(std::vector<Row>& rows) {
   add("packed_snapshot_query",
       "time of a packed_wait_free_snapshot query / of a packed_wait_free one; read-only, 1 thread",
       Relation::at_most, 1.08, packed_snapshot_query);
-  for (const auto& [reading, target] : {std::pair{kRandom, 3.0}, std::pair{kCoherent, 3.3}})
+  for (const auto& [reading, target] : {std::pair{kRandom, 3.0}, std::pair{kCoherent, 3.3}}) {
     add_reading("packed_simd_speed", "time of a packed_wait_free query by scalar code / by vectors", reading,
                 target, packed_scalar_over_simd);
+    add_reading(
+        "packed_simd_kernels",
+        "time of the tests of lanes and records in packed_wait_free's queries by scalar code / by vectors",
+        reading, target, packed_scalar_over_vector_kernels);
+  }
   add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
               kRandom, 1.4, packed_single_over_batch);
   for (const auto& [records, words, target] :

@@ -29,6 +29,9 @@ std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std
 std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine);
 std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine);
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload);
+/// The same of their tests of lanes and records alone.
+std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
+                                                              std::string_view workload);
 std::unique_ptr<Experiment> packed_single_over_batch(const Machine& machine, std::string_view workload);
 /// Its inserts over those of wait_free, and its memory, all told, over 150 bytes a record.
 std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std::uint32_t records);
