@@ -81,6 +81,17 @@ TEST(Histogram, OddOrdersAreClamped) {
   EXPECT_EQ(h.percentile(0.11), 2u);
 }
 
+TEST(Histogram, TheSumErrsByTheBoundAtMost) {
+  Histogram h;
+  double exact = 0.0;
+  for (std::uint64_t value = 1; value < 5'000'000; value += 1 + value / 7) {
+    h.record(value);
+    exact += static_cast<double>(value);
+  }
+  EXPECT_NEAR(static_cast<double>(h.sum()), exact, exact / 64.0);
+  EXPECT_EQ(Histogram().sum(), 0u);
+}
+
 TEST(Histogram, MergingIsTheSameAsRecordingTogether) {
   std::mt19937_64 random(3);
   Histogram parts[3], together;

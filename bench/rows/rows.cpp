@@ -70,6 +70,10 @@ void add_packed(std::vector<Row>& rows) {
   add("packed_read_only_scaling",
       "read-only throughput of packed_wait_free on all N processing units / N times that on one",
       Relation::at_least, 0.95, packed_read_only_scaling);
+  add("packed_frame_share",
+      "share of the threads' time of a frame that is spent in packed_wait_free; Cornell box, 256 rays a "
+      "record",
+      Relation::at_most, 0.03, packed_frame_share);
   const auto add_oversubscribed = [&](std::string_view name, std::string_view what, Relation relation,
                                       double target, Oversubscription figure) {
     add(fmt::format("packed_oversubscribed_{}", name),

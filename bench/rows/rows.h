@@ -44,6 +44,8 @@ std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string
 /// Of its queries while all other units insert over the same while they do not.
 std::unique_ptr<Experiment> packed_insert_latency(const Machine& machine, std::uint32_t inserts_per_second);
 std::unique_ptr<Experiment> packed_read_only_scaling(const Machine& machine);
+/// Of a rendered frame of Cornell box, 256 rays a record, what is spent in the cache.
+std::unique_ptr<Experiment> packed_frame_share(const Machine& machine);
 /// With four threads a processing unit: throughput over that with one, the slowest query of a thousand likewise, and
 /// that over the median.
 enum class Oversubscription { throughput, slowest, spread };

@@ -40,6 +40,13 @@ class alignas(64) Histogram {  // aligned: histograms of several threads may sit
   /// Largest value recorded, exact; 0 when empty.
   std::uint64_t max() const noexcept { return max_; }
 
+  /// Sum of the values, each off by its bucket's error at most; wraps round beyond 2^64.
+  std::uint64_t sum() const noexcept {
+    std::uint64_t sum = 0;
+    for (std::size_t i = 0; i < kBuckets; ++i) sum += counts_[i] * middle(i);
+    return sum;
+  }
+
   /// Nearest-rank percentile: the smallest recorded value v such that at least q * count() values are <= v,
   /// up to the bucket's error; never above max(). `q` in [0, 1], clamped (NaN as 0); 1 gives max(). 0 when
   /// empty.
