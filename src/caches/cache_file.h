@@ -37,8 +37,8 @@
 //   152   8  CRC of the 152 bytes above
 //   160  44  record 0: p x, y, z, n x, y, z, R, E r, g, b, id; and so on
 //
-// CRCs are CRC-64/XZ: polynomial 0x42f0e1eba9ea3693 (ECMA-182), reflected, all ones at the beginning and inverted at the
-// end.
+// CRCs are CRC-64/XZ: polynomial 0x42f0e1eba9ea3693 (ECMA-182), reflected, all ones at the beginning and inverted at
+// the end.
 #pragma once
 
 #include <fcntl.h>

@@ -1,9 +1,9 @@
 // How set-up code reports that it cannot go on: one line that says what, where and how to mend it.
 //
 // With exceptions, by std::runtime_error. Without (-fno-exceptions), by a handler and abort: constructors have no other
-// way. What can fail is known beforehand: config_error (core/cache.h) tells what is wrong with a configuration; a session
-// number must be below max_sessions; and address space for the capacity must be there, which a 64-bit system grants
-// unless it was told not to (ulimit -v). Compile all that includes these headers in one of the two ways.
+// way. What can fail is known beforehand: config_error (core/cache.h) tells what is wrong with a configuration; a
+// session number must be below max_sessions; and address space for the capacity must be there, which a 64-bit system
+// grants unless it was told not to (ulimit -v). Compile all that includes these headers in one of the two ways.
 #pragma once
 
 #include <atomic>
