@@ -102,7 +102,8 @@ class AppendLog {
                                        ProgressGuarantee::wait_free,
                                        Consistency::frame,
                                        false,
-                                       "as Open PGL updates its field"};
+                                       "as Open PGL updates its field",
+                                       true};
   using Session = icbench::Session<AppendLog, State>;
 
   explicit AppendLog(const CacheConfig& config)

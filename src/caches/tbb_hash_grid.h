@@ -49,7 +49,8 @@ class TbbHashGrid {
                                        ProgressGuarantee::blocking,
                                        Consistency::per_record_linearizable,
                                        false,
-                                       "oneTBB's containers"};
+                                       "oneTBB's containers",
+                                       true};
 
   struct Workspace {};
 

@@ -76,8 +76,9 @@ struct CacheTraits {
   ProgressGuarantee insert;
   ProgressGuarantee query;
   Consistency consistency;
-  bool single_thread;       ///< at most one session
-  std::string_view source;  ///< publication, or "this project"
+  bool single_thread;             ///< at most one session
+  std::string_view source;        ///< publication, or "this project"
+  bool waits_in_library = false;  ///< what blocks is a library's container, which no check can stop half way
 };
 
 struct CacheConfig {

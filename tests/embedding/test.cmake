@@ -1,5 +1,6 @@
-# cmake -D SOURCE=.. -D BINARY=.. -D GENERATOR=.. -D COMPILER=.. -D LAUNCHER=.. -P test.cmake: what somebody does who embeds
-# the caches. Configures the library alone, builds and installs it, builds a renderer against what was installed, runs it.
+# cmake -D SOURCE=.. -D BINARY=.. -D GENERATOR=.. -D COMPILER=.. -D LAUNCHER=.. -P test.cmake: what somebody does who
+# embeds the caches. Configures the library alone, builds and installs it, builds a renderer against what was installed,
+# runs it.
 set(options -G ${GENERATOR} -D CMAKE_CXX_COMPILER=${COMPILER} "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}"
             -D CMAKE_BUILD_TYPE=Release)
 function(run)
