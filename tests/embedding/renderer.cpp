@@ -65,9 +65,9 @@ SurfacePoint seen_by(int x, int y) {
   return wall(kEye, glm::normalize(d));
 }
 
-/// What a slot of the task arena works with. A task is one thread's while it runs, and that thread's slot nobody else's;
-/// so sessions by slot are never used by two threads at once, whatever was stolen by whom. Were a record itself made by
-/// tasks, its thread might take up another tile meanwhile: with the same session, but between two operations.
+/// What a slot of the task arena works with. A task is one thread's while it runs, and that thread's slot nobody
+/// else's; so sessions by slot are never used by two threads at once, whatever was stolen by whom. Were a record itself
+/// made by tasks, its thread might take up another tile meanwhile: with the same session, but between two operations.
 struct alignas(kNoSharing) Slot {
   Cache::Session session;
   std::uint32_t made = 0, full = 0;
