@@ -10,67 +10,96 @@
 namespace icbench {
 namespace {
 
-constexpr std::uint32_t kChunkSizes[] = {8, 16, 40};
-
 /// Lanes with random bits, of which a random part is published, and queries among them.
 class RandomStrips {
  public:
   explicit RandomStrips(std::uint64_t seed) : random_(seed) {
-    for (std::uint32_t& word : words_) word = random_();
-    // Reaches in which distance matters, and some that are too large to be expressed.
-    for (std::uint32_t size : kChunkSizes) {
-      for (std::uint32_t i = 0; i < size; ++i) {
-        std::uint32_t& shape = words_[size + i];
-        const std::uint32_t code = random_.below(8) == 0 ? 0xff : random_.below(0xa0);
-        shape = (shape & 0xffffff) | code << 24;
-      }
+    for (std::uint32_t& word : words_) {
+      // Reaches in which distance matters, and some that are too large to be expressed.
+      const std::uint32_t code = random_.below(8) == 0 ? kReachAlways : random_.below(kReachAlways);
+      word = (random_() & ((1u << (3 * kPlaceBits)) - 1)) | code << (3 * kPlaceBits);
     }
-    const SurfacePoint x = random_surface_point(random_);
-    query = make_lane_query(x.n, 0.2f + 1.2f * random_.uniform(), 1.4f);
+    share = 0.2f + 0.8f * random_.uniform();
     for (LanePoint& at : points_) {
-      const auto place = [&] { return 384.0f + 256.0f * random_.uniform(); };
+      const auto place = [&] { return 192.0f + 128.0f * random_.uniform(); };
       at = {place(), place(), place(), 1.0f + 2.0f * random_.uniform()};
     }
     for (int i = 0; i < 12; ++i) {
-      const std::uint32_t size = kChunkSizes[random_.below(3)];
-      const std::uint32_t begin = size < 40 ? 0 : 16 * random_.below(3);
-      const std::uint32_t lanes = std::min(kStripLanes, size - begin);
+      const std::uint32_t stride = random_.below(3) == 0 ? 4 : kStripLanes;
+      const std::uint32_t* at = words_ + 2 * kStripLanes * random_.below(4);
       const std::uint32_t bits = random_.below(3) == 0 ? ~0u : random_();
-      strips.push_back({words_ + begin, &points_[random_.below(4)], size, bits & ((1u << lanes) - 1)});
+      strips.push_back({at, &points_[random_.below(4)], stride, bits & ((1u << stride) - 1)});
     }
   }
 
-  LaneQuery query;
+  float share;
   std::vector<LaneStrip> strips;
 
  private:
   Pcg32 random_;
-  alignas(64) std::uint32_t words_[3 * 40 + kStripLanes];
+  alignas(64) std::uint32_t words_[5 * 2 * kStripLanes];
   LanePoint points_[4];
 };
 
-std::vector<UnitIndex> kept_by(LaneFilter filter, const LaneQuery& query,
+std::vector<UnitIndex> kept_by(const LaneKernels& kernels, float share,
                                const std::vector<LaneStrip>& strips) {
   std::vector<UnitIndex> out(strips.size() * kStripLanes + kStripLanes);
-  out.resize(filter(query, strips.data(), static_cast<std::uint32_t>(strips.size()), out.data()));
+  out.resize(kernels.filter(share, strips.data(), static_cast<std::uint32_t>(strips.size()), out.data()));
   return out;
 }
 
 TEST(Lanes, EveryWidthKeepsWhatScalarCodeKeeps) {
-  const auto filters = lane_filters();
-  ASSERT_FALSE(filters.empty());
+  const auto all = lane_kernels();
+  ASSERT_FALSE(all.empty());
   std::size_t kept = 0, published = 0;
   for (std::uint64_t seed = 0; seed < 3000; ++seed) {
     const RandomStrips lanes(seed);
-    const auto expected = kept_by(filter_lanes_scalar, lanes.query, lanes.strips);
-    for (const NamedLaneFilter& f : filters)
-      ASSERT_EQ(kept_by(f.filter, lanes.query, lanes.strips), expected) << f.name << ", seed " << seed;
-    ASSERT_EQ(kept_by(SimdLanes::best(), lanes.query, lanes.strips), expected) << "seed " << seed;
+    const auto expected = kept_by(ScalarLanes::best(), lanes.share, lanes.strips);
+    for (const NamedLaneKernels& k : all)
+      ASSERT_EQ(kept_by(k.kernels, lanes.share, lanes.strips), expected) << k.name << ", seed " << seed;
+    ASSERT_EQ(kept_by(SimdLanes::best(), lanes.share, lanes.strips), expected) << "seed " << seed;
     kept += expected.size();
     for (const LaneStrip& s : lanes.strips) published += static_cast<std::size_t>(std::popcount(s.bits));
   }
   EXPECT_GT(kept, published / 50) << "hardly a lane is kept";
   EXPECT_LT(kept, published / 2) << "hardly a lane is turned away";
+}
+
+TEST(Lanes, EveryWidthWeighsAsTheDefinitionDoes) {
+  Pcg32 random(2);
+  const auto direction = [&] { return random_surface_point(random).n; };
+  std::size_t valid = 0, weighed = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const float scale = std::exp2(40.0f * random.uniform() - 20.0f), a = 0.05f + random.uniform();
+    const SurfacePoint x{scale * direction(), direction()};
+    std::vector<Record> records;
+    for (std::uint32_t k = 0; k < 1 + random.below(9); ++k) {
+      // One in four where the query is, half of these with its normal.
+      const bool is_there = random.below(4) == 0;
+      const glm::vec3 p = is_there ? x.p : x.p + scale * 0.2f * random.uniform() * direction();
+      const glm::vec3 n = random.below(2) == 0 ? x.n : glm::normalize(x.n + 0.5f * direction());
+      records.push_back(make_record(k, p, n, scale * random.uniform() + 1e-3f * scale));
+    }
+    std::vector<const Record*> pointers;
+    for (const Record& r : records) pointers.push_back(&r);
+    const auto n = static_cast<std::uint32_t>(records.size());
+    pointers.resize(n + kWeighed, pointers[0]);
+    auto all = lane_kernels();
+    all.push_back({"scalar", ScalarLanes::best()});
+    all.push_back({"best", SimdLanes::best()});
+    for (const NamedLaneKernels& k : all) {
+      std::vector<float> weights(n + kWeighed);
+      k.kernels.weigh(x, a, pointers.data(), n, weights.data());
+      for (std::uint32_t j = 0; j < n; ++j) {
+        const float expected = split_sphere_weight(x, records[j], a);
+        ASSERT_EQ(std::bit_cast<std::uint32_t>(weights[j]), std::bit_cast<std::uint32_t>(expected)) << k.name;
+        valid += expected > 0.0f;
+        ++weighed;
+      }
+    }
+  }
+  EXPECT_GT(valid, weighed / 10);
+  EXPECT_LT(valid, weighed - weighed / 10);
 }
 
 TEST(Lanes, NoValidRecordIsTurnedAwayAndFewOthersAreKept) {
@@ -99,13 +128,14 @@ TEST(Lanes, NoValidRecordIsTurnedAwayAndFewOthersAreKept) {
         if (!is_askable(x, {glm::vec3(-0.5f * scale), glm::vec3(0.5f * scale)}) || !is_unit(r.n)) continue;
         const PackedReach reach(addressing, r, a_max);
         const GridPoint u = addressing.quantise(x.p);
-        // In a cell of the record's own level, and in one below, the query's.
-        for (int level = reach.level(); level <= std::min(reach.level() + 1, kPackedLevels); ++level) {
+        // In a cell of the record's own level, in those above where it may be a guest, and in one below, the query's.
+        for (int level = std::max(reach.level() - 2, 0); level <= std::min(reach.level() + 1, kPackedLevels);
+             ++level) {
           const int shift = kMaxLevel - level;
           const PackedCell cell{u.x >> shift, u.y >> shift, u.z >> shift, level};
-          const Lane lane = make_lane(reach.p(), reach.n(), reach.reach(), cell.corner(), level);
+          const std::uint32_t lane = make_lane(reach.p(), reach.reach(), cell.corner(), level);
           const bool is_valid = split_sphere_weight(x, r, a) > 0.0f;
-          const bool is_kept = keeps(make_lane_query(x.n, a, a_max),
+          const bool is_kept = keeps(make_lane_share(a, a_max),
                                      make_lane_point(addressing.to_grid(x.p), cell.corner(), level), lane);
           if (is_valid) {
             ASSERT_TRUE(reach.touches(cell))
@@ -131,34 +161,32 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
   ASSERT_NE(memory, MAP_FAILED);
   ASSERT_EQ(::mprotect(memory, page, PROT_NONE), 0);
   ASSERT_EQ(::mprotect(memory + 2 * page, page, PROT_NONE), 0);
-  const LaneQuery query = make_lane_query({0, 0, 1}, 0.3f, 0.3f);
-  const LanePoint at{500, 500, 500, 1.0f};
-  auto filters = lane_filters();
-  filters.push_back({"scalar", filter_lanes_scalar});
-  for (const NamedLaneFilter& f : filters) {
+  const LanePoint at{250, 250, 250, 1.0f};
+  constexpr std::uint32_t kKept = kReachAlways << (3 * kPlaceBits);
+  auto all = lane_kernels();
+  all.push_back({"scalar", ScalarLanes::best()});
+  for (const NamedLaneKernels& k : all) {
     for (std::uint32_t missing = 1; missing < kStripLanes; ++missing) {
       const std::uint32_t there = kStripLanes - missing;
       std::vector<UnitIndex> expected;
       // The first lanes' places lie in a page that cannot be read.
       auto* first = reinterpret_cast<std::uint32_t*>(memory + page) - missing;
-      for (std::uint32_t i = missing; i < 3 * kStripLanes; ++i) first[i] = 0;
       for (std::uint32_t i = missing; i < kStripLanes; ++i) {
-        first[kStripLanes + i] = kReachAlways << 24 | 127u << 16;
-        first[2 * kStripLanes + i] = i;
+        first[i] = kKept;
+        first[kStripLanes + i] = i;
         expected.push_back(i);
       }
-      EXPECT_EQ(kept_by(f.filter, query, {{first, &at, kStripLanes, 0xffffu << missing & 0xffffu}}), expected)
-          << f.name;
+      EXPECT_EQ(kept_by(k.kernels, 1.0f, {{first, &at, kStripLanes, 0xffffu << missing & 0xffffu}}), expected)
+          << k.name;
       // The last lanes' indices do.
       expected.clear();
-      auto* last = reinterpret_cast<std::uint32_t*>(memory + 2 * page) - 2 * kStripLanes - there;
+      auto* last = reinterpret_cast<std::uint32_t*>(memory + 2 * page) - kStripLanes - there;
       for (std::uint32_t i = 0; i < there; ++i) {
-        last[i] = 0;
-        last[kStripLanes + i] = kReachAlways << 24 | 127u << 16;
-        last[2 * kStripLanes + i] = i;
+        last[i] = kKept;
+        last[kStripLanes + i] = i;
         expected.push_back(i);
       }
-      EXPECT_EQ(kept_by(f.filter, query, {{last, &at, kStripLanes, 0xffffu >> missing}}), expected) << f.name;
+      EXPECT_EQ(kept_by(k.kernels, 1.0f, {{last, &at, kStripLanes, 0xffffu >> missing}}), expected) << k.name;
     }
   }
   ::munmap(memory, 3 * page);

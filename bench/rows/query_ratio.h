@@ -1,8 +1,6 @@
 // Time of a query in one cache over that in another: read-only, one thread.
 #pragma once
 
-#include <chrono>
-
 #include "core/random.h"
 #include "rows/row.h"
 #include "scene/registry.h"
@@ -10,7 +8,26 @@
 
 namespace icbench {
 
-/// Both caches hold the same records; a sample asks both at the same points, in blocks.
+/// A cache with the records of a plan in it.
+template <class Cache>
+class Filled {
+ public:
+  explicit Filled(const SyntheticPlan& plan) : cache_(plan.config(1)) {
+    auto session = this->session();
+    session.prefault(static_cast<std::uint32_t>(plan.records().size()));
+    for (const Record& r : plan.records()) session.insert(r);
+  }
+
+  /// Something with `query`.
+  auto session() { return cache_.open_session(0); }
+
+ private:
+  Cache cache_;
+};
+
+/// Both caches hold the same records; a sample asks both at the same points, one after the other. What was asked last
+/// is warm: so each is first asked at other points, untimed, until the processor's caches hold of it what they hold
+/// when nothing else is asked. `Above` and `Below`: what Filled is defined for.
 template <class Above, class Below>
 class QueryRatio : public Experiment {
  public:
@@ -18,50 +35,49 @@ class QueryRatio : public Experiment {
   explicit QueryRatio(const Machine& machine, std::string_view workload = "read_only")
       : rays_(make_scene("cornell_box")),
         plan_(parse_workload(workload), rays_, machine.seed),
-        above_(plan_.config(1)),
-        below_(plan_.config(1)),
+        above_(plan_),
+        below_(plan_),
         random_(machine.seed) {
-    fill(above_);
-    fill(below_);
     machine.bind();
   }
 
   Sample sample() override {
-    const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size() - kQueries));
-    // Whoever goes first warms the points, and one half of the samples would differ from the other: so both go first.
-    const double a = time(above_, first);
-    const double b = time(below_, first) + time(below_, first);
-    return {(a + time(above_, first)) / b};
+    const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size()));
+    const bool below_first = (count_++ & 1u) != 0;
+    double above = 0.0, below = 0.0;
+    if (below_first) below = time(below_, first);
+    above = time(above_, first);
+    if (!below_first) below = time(below_, first);
+    return {above / below};
   }
 
  private:
-  /// A block: long against the clock, short against the machine's drift.
-  static constexpr std::uint32_t kQueries = 4000;
+  /// Long against the clock, short against the machine's drift. A query to the largest structure reads some 20 cache
+  /// lines, so that those before the clock starts replace what a few tens of megabytes hold.
+  static constexpr std::uint32_t kQueries = 16'000, kBefore = 24'000;
 
   template <class Cache>
-  void fill(Cache& cache) {
-    auto session = cache.open_session(0);
-    for (const Record& r : plan_.records()) session.insert(r);
-  }
-
-  template <class Cache>
-  double time(Cache& cache, std::uint32_t first) {
-    auto session = cache.open_session(0);
-    double sum = 0.0;
-    const auto start = std::chrono::steady_clock::now();
-    for (std::uint32_t i = first; i < first + kQueries; ++i) {
-      if (const auto E = session.query(plan_.points()[i])) sum += E->x;
-    }
-    const auto took = std::chrono::steady_clock::now() - start;
-    checksum_ += sum;
-    return std::chrono::duration<double>(took).count();
+  double time(Filled<Cache>& cache, std::uint32_t first) {
+    auto&& session = cache.session();
+    std::uint32_t next = first;
+    const auto ask = [&](std::uint32_t queries) {
+      double sum = 0.0;
+      for (std::uint32_t i = 0; i < queries; ++i) {
+        if (const auto E = session.query(plan_.points()[next])) sum += E->x;
+        if (++next == plan_.points().size()) next = 0;
+      }
+      checksum_ += sum;
+    };
+    ask(kBefore);
+    return seconds([&] { ask(kQueries); });
   }
 
   RayTracer rays_;
   SyntheticPlan plan_;
-  Above above_;
-  Below below_;
+  Filled<Above> above_;
+  Filled<Below> below_;
   Pcg32 random_;
+  unsigned count_ = 0;
   double checksum_ = 0.0;
 };
 

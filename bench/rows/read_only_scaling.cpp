@@ -15,6 +15,7 @@ namespace {
 constexpr double kIdle = 0.97;
 constexpr double kProbeNs = 20e6;
 
+template <template <class> class Cache>
 class ReadOnlyScaling : public Experiment {
  public:
   explicit ReadOnlyScaling(const Machine& machine)
@@ -57,7 +58,7 @@ class ReadOnlyScaling : public Experiment {
   }
 
   double wall_ns(const TrialSetup& setup) {
-    const TrialOutcome o = run_synthetic_trial<WaitFree, NoCounters>(plan_, setup);
+    const TrialOutcome o = run_synthetic_trial<Cache, NoCounters>(plan_, setup);
     if (!o.error.empty()) throw std::runtime_error(o.error);
     return o.wall_ns;
   }
@@ -73,7 +74,11 @@ class ReadOnlyScaling : public Experiment {
 }  // namespace
 
 std::unique_ptr<Experiment> read_only_scaling(const Machine& machine) {
-  return std::make_unique<ReadOnlyScaling>(machine);
+  return std::make_unique<ReadOnlyScaling<WaitFree>>(machine);
+}
+
+std::unique_ptr<Experiment> packed_read_only_scaling(const Machine& machine) {
+  return std::make_unique<ReadOnlyScaling<PackedWaitFree>>(machine);
 }
 
 }  // namespace icbench

@@ -41,18 +41,61 @@ void add_packed(std::vector<Row>& rows) {
     add(fmt::format("{}{}", name, r.suffix), fmt::format("{}; {}, 1 thread", what, r.words),
         Relation::at_least, target, [r, make](const Machine& machine) { return make(machine, r.workload); });
   };
-  for (const auto& [reading, target] : {std::pair{kRandom, 12.0}, std::pair{kMillion, 15.0}})
+  for (const auto& [reading, target] :
+       {std::pair{kRandom, 12.0}, std::pair{kCoherent, 12.0}, std::pair{kMillion, 15.0}}) {
     add_reading("packed_query_speed", "time of a wait_free query / of a packed_wait_free one", reading,
                 target, packed_query_over_ward);
+    add_reading("packed_query_bound",
+                "time of a wait_free query / of weighing and adding the records that are valid there",
+                reading, target, told_query_over_ward);
+  }
+  for (const Reading& reading : {kRandom, kCoherent, kMillion})
+    add_reading("packed_query_replicated",
+                "time of a query to a scalar octree of whole records / of a packed_wait_free one", reading,
+                3.0, packed_query_over_replicated);
+  for (const auto& [reading, target] :
+       {std::pair{kRandom, 1.25}, std::pair{kCoherent, 1.4}, std::pair{kMillion, 1.25}}) {
+    add(fmt::format("packed_live_over_frozen{}", reading.suffix),
+        fmt::format("time of a packed_wait_free query / of one to the same records frozen; {}, 1 thread",
+                    reading.words),
+        Relation::at_most, target, [workload = reading.workload](const Machine& machine) {
+          return packed_query_over_frozen(machine, workload);
+        });
+  }
+  add("packed_insert_latency",
+      "median latency of a packed_wait_free query while all other units insert 10^5 records a second / while "
+      "they do not",
+      Relation::at_most, 1.15,
+      [](const Machine& machine) { return packed_insert_latency(machine, 100'000); });
+  add("packed_read_only_scaling",
+      "read-only throughput of packed_wait_free on all N processing units / N times that on one",
+      Relation::at_least, 0.95, packed_read_only_scaling);
+  const auto add_oversubscribed = [&](std::string_view name, std::string_view what, Relation relation,
+                                      double target, Oversubscription figure) {
+    add(fmt::format("packed_oversubscribed_{}", name),
+        fmt::format("packed_wait_free, mix 90/10, 4 threads a unit: {}", what), relation, target,
+        [figure](const Machine& machine) { return packed_oversubscribed(machine, figure); });
+  };
+  add_oversubscribed("throughput", "throughput / that of a thread a unit", Relation::at_least, 0.95,
+                     Oversubscription::throughput);
+  add_oversubscribed("slowest", "99.9th percentile of a query / that of a thread a unit", Relation::at_most,
+                     1.2, Oversubscription::slowest);
+  add_oversubscribed("spread", "99.9th percentile of a query / the median", Relation::at_most, 10.0,
+                     Oversubscription::spread);
   add("packed_query_over_twin",
       "time of a packed_wait_free query / of its unsynchronised twin; 10^5 records, 1 thread",
       Relation::at_most, 1.05, packed_query_over_twin);
   add("packed_snapshot_query",
       "time of a packed_wait_free_snapshot query / of a packed_wait_free one; read-only, 1 thread",
       Relation::at_most, 1.08, packed_snapshot_query);
-  for (const auto& [reading, target] : {std::pair{kRandom, 3.0}, std::pair{kCoherent, 3.3}})
+  for (const auto& [reading, target] : {std::pair{kRandom, 3.0}, std::pair{kCoherent, 3.3}}) {
     add_reading("packed_simd_speed", "time of a packed_wait_free query by scalar code / by vectors", reading,
                 target, packed_scalar_over_simd);
+    add_reading(
+        "packed_simd_kernels",
+        "time of the tests of lanes and records in packed_wait_free's queries by scalar code / by vectors",
+        reading, target, packed_scalar_over_vector_kernels);
+  }
   add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
               kRandom, 1.4, packed_single_over_batch);
   for (const auto& [records, words, target] :

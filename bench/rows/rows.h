@@ -21,9 +21,17 @@ std::unique_ptr<Experiment> vpl_gather_over_bare_rays(const Machine& machine);
 /// Queries of the packed octree on a read-only workload: of wait_free over them, of the wait-free one over its
 /// unsynchronised twin, of linearizable over regular ones, of scalar code over vectors, and single over batched.
 std::unique_ptr<Experiment> packed_query_over_ward(const Machine& machine, std::string_view workload);
+/// Of wait_free over what is left for a query to whom the valid records are told: more cannot be won.
+std::unique_ptr<Experiment> told_query_over_ward(const Machine& machine, std::string_view workload);
+/// Of a scalar octree of whole records over them, and of them over the same records frozen.
+std::unique_ptr<Experiment> packed_query_over_replicated(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine);
 std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine);
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload);
+/// The same of their tests of lanes and records alone.
+std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
+                                                              std::string_view workload);
 std::unique_ptr<Experiment> packed_single_over_batch(const Machine& machine, std::string_view workload);
 /// Its inserts over those of wait_free, and its memory, all told, over 150 bytes a record.
 std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std::uint32_t records);
@@ -32,6 +40,14 @@ std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t 
 /// the same structure, by its registry name.
 std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine);
 std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string_view cache);
+
+/// Of its queries while all other units insert over the same while they do not.
+std::unique_ptr<Experiment> packed_insert_latency(const Machine& machine, std::uint32_t inserts_per_second);
+std::unique_ptr<Experiment> packed_read_only_scaling(const Machine& machine);
+/// With four threads a processing unit: throughput over that with one, the slowest query of a thousand likewise, and
+/// that over the median.
+enum class Oversubscription { throughput, slowest, spread };
+std::unique_ptr<Experiment> packed_oversubscribed(const Machine& machine, Oversubscription figure);
 
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();

@@ -59,7 +59,7 @@ class Direct {
   }
 
   std::size_t memory_bytes() const {
-    std::size_t bytes = sessions_.bytes();
+    std::size_t bytes = sessions_.bytes() + fixed_bytes(structure_);
     sessions_.for_each([&](const State& s) { bytes += Structure::bytes(s.workspace); });
     if constexpr (requires { structure_.memory_bytes(); }) bytes += structure_.memory_bytes();
     return bytes;
@@ -92,9 +92,9 @@ class Direct {
     structure_.visit(x, config_.a, s.counters, f);
   }
 
-  template <class F>
-  void visit_batch(State& s, std::span<const SurfacePoint> points, F&& f) noexcept {
-    structure_.visit_batch(points, config_.a, s.counters, f);
+  template <class Visitors>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, Visitors visitors) noexcept {
+    structure_.visit_batch(points, config_.a, s.counters, visitors);
   }
 
   bool insert(State& s, const Record& r) noexcept {

@@ -78,10 +78,10 @@ class Locked {
   }
 
   // One acquisition for all of them.
-  template <class F>
-  void visit_batch(State& s, std::span<const SurfacePoint> points, F&& f) noexcept {
+  template <class Visitors>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, Visitors visitors) noexcept {
     typename Policy::Read scope(mutex_, s.counters);
-    structure_.visit_batch(points, config_.a, s.counters, f);
+    structure_.visit_batch(points, config_.a, s.counters, visitors);
   }
 
   bool insert(State& s, const Record& r) noexcept {

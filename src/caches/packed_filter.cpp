@@ -48,72 +48,131 @@ HWY_INLINE Word load(const std::uint32_t* from, [[maybe_unused]] std::uint64_t b
   }
 }
 
-template <int kShift>
-HWY_INLINE Float place_of(Word place) {
-  const Words words;
-  return hn::ConvertTo(Floats(),
-                       hn::BitCast(Ints(), hn::And(hn::ShiftRight<kShift>(place), hn::Set(words, 1023u))));
+template <int kAxis>
+HWY_INLINE Float place_of(Word lane) {
+  const auto place =
+      hn::And(hn::ShiftRight<kPlaceBits * kAxis>(lane), hn::Set(Words(), (1u << kPlaceBits) - 1));
+  return hn::ConvertTo(Floats(), hn::BitCast(Ints(), place));
 }
 
-template <int kShift>
-HWY_INLINE Float normal_of(Word shape) {
-  const auto high = hn::BitCast(Ints(), hn::ShiftLeft<24 - kShift>(shape));
-  return hn::ConvertTo(Floats(), hn::ShiftRight<24>(high));
-}
-
-/// What `keeps` (caches/packed_lanes.h) takes from the query, in all lanes.
-struct Query {
-  explicit Query(const LaneQuery& q)
-      : nx(hn::Set(Floats(), q.nx)),
-        ny(hn::Set(Floats(), q.ny)),
-        nz(hn::Set(Floats(), q.nz)),
-        a(hn::Set(Floats(), q.a)),
-        per_bend(hn::Set(Floats(), q.per_bend)) {}
-  Float nx, ny, nz, a, per_bend;
-};
-
-/// `keeps`, operation by operation.
-HWY_INLINE hn::Mask<Floats> keeps_of(const Query& q, const LanePoint& at, Word place, Word shape) {
+/// `keeps` (caches/packed_lanes.h), operation by operation.
+HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const LanePoint& at, Word lane) {
   const Words words;
   const Floats floats;
-  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(place));
-  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<10>(place));
-  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<20>(place));
+  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(lane));
+  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<1>(lane));
+  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<2>(lane));
   const Float distance2 = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
-  const Float dot = hn::Add(hn::Add(hn::Mul(q.nx, normal_of<0>(shape)), hn::Mul(q.ny, normal_of<8>(shape))),
-                            hn::Mul(q.nz, normal_of<16>(shape)));
-  const Float bend = hn::Max(hn::Sub(hn::Set(floats, 1.0f - kNormalSlack), dot), hn::Zero(floats));
-  const Float share = hn::Sub(q.a, hn::Mul(hn::Sqrt(bend), q.per_bend));
-  const Word code = hn::ShiftRight<24>(shape);
+  const Word code = hn::ShiftRight<3 * kPlaceBits>(lane);
   const Float expressed =
       hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
   const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
   const Float reach = hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed);
   const Float most = hn::Add(hn::Mul(reach, share), hn::Set(floats, at.slack));
-  return hn::And(hn::Gt(share, hn::Zero(floats)), hn::Lt(distance2, hn::Mul(most, most)));
+  return hn::Lt(distance2, hn::Mul(most, most));
 }
 
 // Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
-std::uint32_t filter_lanes(const LaneQuery& query, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+std::uint32_t filter_lanes(float query_share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
-  const Query q(query);
+  const Float share = hn::Set(Floats(), query_share);
   std::uint32_t kept = 0;
   for (const LaneStrip* s = strips; s != strips + n; ++s) {
     for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
       const std::uint64_t bits = s->bits >> i & (~std::uint64_t{0} >> (64 - lanes));
       if (lanes < kStripLanes && bits == 0) continue;
       const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
-      const Word place = load(s->words + i, bits, mask);
-      const Word shape = load(s->words + s->stride + i, bits, mask);
-      const Word index = load(s->words + 2 * s->stride + i, bits, mask);
-      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(q, *s->at, place, shape)));
+      const Word lane = load(s->words + i, bits, mask);
+      const Word index = load(s->words + s->stride + i, bits, mask);
+      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, *s->at, lane)));
       hn::StoreU(hn::Compress(index, keep), words, out + kept);  // the whole vector
       kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
     }
   }
   return kept;
 }
+
+#if HWY_TARGET == HWY_SCALAR
+void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                   float* weights) {
+  weigh_records_scalar(x, a, records, n, weights);
+}
+#else
+// Records are weighed eight at a time, or four where vectors are no longer than that.
+using Group = hn::CappedTag<float, kWeighed>;
+using Pairs = hn::RepartitionToWide<Group>;
+constexpr std::size_t kGroup = hn::MaxLanes(Group());
+static_assert(kGroup == 4 || kGroup == kWeighed);
+
+/// Four floats of each of kGroup records, a column a vector.
+struct Columns {
+  hn::Vec<Group> a, b, c, d;
+};
+
+/// Columns of four rows, in each block of four floats for itself.
+HWY_INLINE Columns transposed(hn::Vec<Group> a, hn::Vec<Group> b, hn::Vec<Group> c, hn::Vec<Group> d) {
+  const Group floats;
+  const Pairs pairs;
+  const auto ab_low = hn::BitCast(pairs, hn::InterleaveLower(floats, a, b));
+  const auto cd_low = hn::BitCast(pairs, hn::InterleaveLower(floats, c, d));
+  const auto ab_high = hn::BitCast(pairs, hn::InterleaveUpper(floats, a, b));
+  const auto cd_high = hn::BitCast(pairs, hn::InterleaveUpper(floats, c, d));
+  return {hn::BitCast(floats, hn::InterleaveLower(pairs, ab_low, cd_low)),
+          hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_low, cd_low)),
+          hn::BitCast(floats, hn::InterleaveLower(pairs, ab_high, cd_high)),
+          hn::BitCast(floats, hn::InterleaveUpper(pairs, ab_high, cd_high))};
+}
+
+/// The first eight floats of kGroup records: x, y, z of the place and of the normal, R, and one that is not used.
+struct Weighed {
+  Columns first, second;
+};
+HWY_INLINE Weighed columns(const Record* const* records) {
+  const Group floats;
+  const auto row = [&](std::size_t i, std::size_t from) {
+    return hn::LoadU(floats, reinterpret_cast<const float*>(records[i]) + from);
+  };
+#if HWY_TARGET <= HWY_AVX2
+  // A row is a vector.
+  const Columns low = transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0));
+  const Columns high = transposed(row(4, 0), row(5, 0), row(6, 0), row(7, 0));
+  return {{hn::ConcatLowerLower(floats, high.a, low.a), hn::ConcatLowerLower(floats, high.b, low.b),
+           hn::ConcatLowerLower(floats, high.c, low.c), hn::ConcatLowerLower(floats, high.d, low.d)},
+          {hn::ConcatUpperUpper(floats, high.a, low.a), hn::ConcatUpperUpper(floats, high.b, low.b),
+           hn::ConcatUpperUpper(floats, high.c, low.c), hn::ConcatUpperUpper(floats, high.d, low.d)}};
+#else
+  return {transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0)),
+          transposed(row(0, 4), row(1, 4), row(2, 4), row(3, 4))};
+#endif
+}
+
+/// `likely_split_sphere_weight` (core/interpolation.h), operation by operation.
+void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                   float* weights) {
+  static_assert(offsetof(Record, p) == 0 && offsetof(Record, n) == 3 * sizeof(float) &&
+                offsetof(Record, R) == 6 * sizeof(float) && sizeof(Record) >= 8 * sizeof(float));
+  const Group floats;
+  const auto all = [&](float v) { return hn::Set(floats, v); };
+  const auto dot = [&](auto ax, auto ay, auto az, auto bx, auto by, auto bz) {
+    return hn::Add(hn::Add(hn::Mul(ax, bx), hn::Mul(ay, by)), hn::Mul(az, bz));
+  };
+  const auto xx = all(x.p.x), xy = all(x.p.y), xz = all(x.p.z);
+  const auto nx = all(x.n.x), ny = all(x.n.y), nz = all(x.n.z);
+  const auto one = all(1.0f), tolerance = all(-kInFrontTolerance);
+  for (std::uint32_t i = 0; i < n; i += kGroup) {
+    const auto [first, second] = columns(records + i);
+    const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
+    const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
+    const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));
+    const auto error = hn::Add(hn::Div(hn::Sqrt(dot(dx, dy, dz, dx, dy, dz)), radius), hn::Sqrt(bend));
+    const auto front = hn::Mul(all(0.5f), dot(dx, dy, dz, hn::Add(nx, rx), hn::Add(ny, ry), hn::Add(nz, rz)));
+    const auto valid = hn::And(hn::Lt(error, all(a)), hn::Ge(front, hn::Mul(tolerance, radius)));
+    const auto weight = hn::Div(one, hn::Max(error, all(kMinError)));
+    hn::StoreU(hn::IfThenElseZero(valid, weight), floats, weights + i);
+  }
+}
+#endif
 
 }  // namespace HWY_NAMESPACE
 }  // namespace icbench
@@ -123,31 +182,32 @@ HWY_AFTER_NAMESPACE();
 namespace icbench {
 
 HWY_EXPORT(filter_lanes);
+HWY_EXPORT(weigh_records);
 
 namespace {
 
-/// The filter for the best of the targets that are allowed now.
-LaneFilter chosen_filter() {
+/// The kernels for the best of the targets that are allowed now.
+LaneKernels chosen_kernels() {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return HWY_DYNAMIC_DISPATCH(filter_lanes);
+  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records)};
 }
 
 }  // namespace
 
-LaneFilter SimdLanes::best() noexcept {
-  static const LaneFilter filter = chosen_filter();
-  return filter;
+LaneKernels SimdLanes::best() noexcept {
+  static const LaneKernels kernels = chosen_kernels();
+  return kernels;
 }
 
-std::vector<NamedLaneFilter> lane_filters() {
-  std::vector<NamedLaneFilter> filters;
+std::vector<NamedLaneKernels> lane_kernels() {
+  std::vector<NamedLaneKernels> all;
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
-    filters.push_back({hwy::TargetName(target), chosen_filter()});
+    all.push_back({hwy::TargetName(target), chosen_kernels()});
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return filters;
+  return all;
 }
 
 }  // namespace icbench

@@ -17,21 +17,21 @@ namespace icbench {
 
 /// One lane after the other: the reference.
 struct ScalarLanes {
-  static LaneFilter best() noexcept { return filter_lanes_scalar; }
+  static LaneKernels best() noexcept { return {filter_lanes_scalar, weigh_records_scalar}; }
 };
 
 /// Many at once.
 struct SimdLanes {
-  static LaneFilter best() noexcept;
+  static LaneKernels best() noexcept;
 };
 
 /// A width of vectors that this machine has.
-struct NamedLaneFilter {
+struct NamedLaneKernels {
   std::string_view name;  ///< Highway's
-  LaneFilter filter;
+  LaneKernels kernels;
 };
 
 /// All of them; the scalar code is not among them.
-std::vector<NamedLaneFilter> lane_filters();
+std::vector<NamedLaneKernels> lane_kernels();
 
 }  // namespace icbench

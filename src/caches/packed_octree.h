@@ -4,23 +4,31 @@
 // Use: this is a *structure*. Packed<PlainSync> is the sequential one that locks and thread-local copies wrap;
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
-// Memory. A node is one cache line: its eight children, of each the node below and the cell itself, if they are there.
-// A cell, two lines, has the mask of its lanes, their count, the first 8 of them, where further chunks of 16 and 40
-// are, and a list for what does not fit. A lane is 12 bytes of a record (caches/packed_lanes.h), tested many at once; a
-// record is 44 bytes and its mark, read only when one of its lanes was kept. Cells without records and nodes without
-// cells below are not there, so a query waits for memory once a level, then for the cells all at once, then for the
-// records.
+// Memory. Cells down to a level that suits the capacity stand in a grid and are found without a walk: the upper levels
+// as a whole, the two finest in bricks, which are there where records are. Below are nodes, a cache line each: eight
+// children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their
+// count, 16 lanes, a word that says where 48 more are, and a list for what does not fit. A lane is 8 bytes of a record
+// (caches/packed_lanes.h), tested many at once; a record is 44 bytes and its mark, read only if one of its lanes was
+// kept. Cells without records and nodes without cells below are not there. A brick says where its cells' further lanes
+// are, too, so that a query waits for memory three times as a rule: for a brick's entry, for a cell with all its lanes,
+// and for the records.
+//
+// Guests. A record is stored at the level whose cells suit its reach (caches/packed_reach.h), or up to two levels above
+// in cells of the grid or below that have few lanes. So what is small and alone, as at edges, has no nodes, cells and
+// copies of its own (10^5 records of Cornell box: a quarter of the nodes, two fifths of the cells).
 //
 // Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full
-// as well, into their lists. A second split would not pay: a child is at most 2.5 reaches wide, so most of what is
+// as well, into their lists. A second split would not pay: a child is at most 2.1 reaches wide, so most of what is
 // listed there is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and
 // their records are tested one by one.
 //
 // What an insert does, step by step, and what others see if it stops there for ever
 //
 //   1  takes a place in the table                     the place is not used; nobody sees it
-//   2  in every cell: installs missing nodes, cells and chunks, reserves a lane or a place in the list
-//                                                     the lanes stay out of the mask, the places unmarked: nobody reads them
+//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes the
+//      cell's level among those in use, if it is above the grid's finest
+//                                                     the lanes stay out of the mask, the places unmarked: nobody
+//                                                     reads them
 //   3  writes the record, then lane by lane: words, mask bit
 //                                                     queries find lanes whose record's mark is empty, and pass on
 //   4  marks the record (caches/visibility.h)         it is there, in all cells at once
@@ -31,24 +39,30 @@
 //
 // Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P3 that of the list (caches/slot_list.h)
 //
-//   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane first;
-//       a record that is seen has all its lanes published before, so that no later query misses it anywhere.
+//   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane
+//       first; a record that is seen has all its lanes published before, so that no later query misses it anywhere.
 //
-//   P2  install: CAS release of a child's, cell's or chunk's word -> descend, step: its load acquire; publishes the node,
-//       cell or chunk, and with it the zeroing of its memory by a clear in another thread
+//   P2  install: CAS release of the word of a brick, node, cell or further lanes -> follow, go_by, take_up, step: its
+//       load acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread
 //
-//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and the chunk, which
-//       whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
+//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and where they are,
+//       which whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
 //
-// Progress (StdSync), in steps on shared memory; L = kPackedLevels = 13. Every loop is over levels, children, chunks or
-// an extent read once; nothing is retried.
+// The levels in use are read and set relaxed: an insert notes its level before it marks the record, so whoever has seen
+// the record, or what its thread did afterwards, sees the level. What a brick says of further lanes is a hint for
+// prefetching, relaxed: nothing is read by it.
 //
-//   insert  wait-free: at most 8 paths of L nodes, 27 cells at their own level or one below, and a node above each of these;
-//           each that is missing costs a load, an allocation (4 steps) and a CAS, whose loser adopts the winner's; a lane
-//           in each cell (9 steps), or a look at a full one (2) and a place in a list (insert_steps).
+// Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once;
+// nothing is retried but the noting of a level, whose CAS fails only if another level was noted meanwhile.
 //
-//   visit   wait-free: two words a level; of each cell on the path the mask, two chunks and the list's count; then the lanes
-//           and places that these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
+//   insert  wait-free: at most 8 cells a level are looked at on the record's own level and on two above, below the
+//           grid at the end of 8 paths of nodes, and 27 get a copy; each look at a cell is at most the noting of its
+//           level and two words, each of which costs a load, an allocation (4 steps) and a CAS if it is missing, whose
+//           loser adopts the winner's; a copy is a lane, and if that was in vain a place in the list (insert_steps).
+//
+//   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each
+//           cell on the path the mask, the word of its further lanes and the list's count; then the lanes and places
+//           that these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
 //
 // Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
 // visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
@@ -72,15 +86,20 @@ class Packed {
   using Marks = typename Visibility::template In<Sync>;
   using List = SlotPool<Sync, Sync, AtFirstSight, UnitIndex>;
 
-  static constexpr std::size_t kNodeBytes = 64, kCellBytes = 128, kLineBytes = 64;
+  static constexpr std::size_t kLineBytes = 64, kNodeBytes = 64, kCellBytes = 192, kMoreBytes = 384,
+                               kEntryBytes = 12, kBrickBytes = 72 * kEntryBytes, kStoredAlign = 16;
   static constexpr std::uint32_t kFreedBatch = 16;
-  struct Stored {
+  static constexpr int kMostGridLevels = 8;
+  struct alignas(kStoredAlign) Stored {
     typename Marks::Mark mark;
     Record record;
   };
+  static_assert(sizeof(Stored) <= kLineBytes, "a record is two cache lines at most");
+  using Grid = Arena<Sync, kEntryBytes>;
+  using Bricks = Arena<Sync, kBrickBytes>;
   using Nodes = Arena<Sync, kNodeBytes>;
   using Cells = Arena<Sync, kCellBytes>;
-  using Chunks = Arena<Sync, kLineBytes>;
+  using More = Arena<Sync, kMoreBytes>;
   using Table = Arena<Sync, sizeof(Stored)>;
 
  public:
@@ -111,47 +130,51 @@ class Packed {
   static constexpr std::uint32_t kMostCells = 8;
 
   // Step bounds (caches/session.h).
-  static constexpr std::string_view kInsertBound =
-                                        Visibility::kIsSnapshot ? "48 level + 2665" : "48 level + 2663",
+  static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "48 level below the grid + 3477"
+                                                                           : "48 level below the grid + 3475",
                                     kVisitBound = Visibility::kIsSnapshot
-                                                      ? "29 + per list (5 + links + 5 slots)"
-                                                      : "28 + per list (5 + links + 2 slots)";
-  static constexpr std::uint32_t kVisitSteps = 2 * (kPackedLevels + 1) + Marks::kMomentSteps;
+                                                      ? "41 + per list (3 + links + 5 slots)"
+                                                      : "40 + per list (3 + links + 2 slots)";
+  static constexpr std::uint32_t kVisitSteps =
+      1 + 2 * (kPackedLevels + 1) + (kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
+  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 41 : 40));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
-  /// Of an insert at `level`.
-  static constexpr std::uint32_t insert_steps(int level) noexcept {
+  /// Of an insert `below` levels below the grid.
+  static constexpr std::uint32_t insert_steps(int below) noexcept {
     constexpr std::uint32_t kDescendSteps = 1 + ArenaCursor<Nodes>::kAllocateSteps + 1;
-    constexpr std::uint32_t kLaneSteps = 2 + kDescendSteps + 1;
+    constexpr std::uint32_t kLaneSteps = 2 + kDescendSteps + 1 + 1;
     constexpr std::uint32_t kTakeSteps = 2 + ArenaCursor<Table>::kAllocateSteps;
-    // Of a cell: its word, the node above it, a lane, and if that was in vain a place in the list.
-    constexpr std::uint32_t kCopySteps = 2 * kDescendSteps + kLaneSteps + List::kAppendSteps;
-    static_assert(kTakeSteps + kMostCells * (kDescendSteps + 2) + kMostCopies * kCopySteps +
-                      Marks::kPublishSteps ==
-                  (Visibility::kIsSnapshot ? 2665 : 2663));
-    return kTakeSteps + static_cast<std::uint32_t>(level) * kMostCells * kDescendSteps +
-           kMostCells * (kDescendSteps + 2) + kMostCopies * kCopySteps + Marks::kPublishSteps;
+    constexpr std::uint32_t kNoteSteps = 1 + kMostGridLevels;
+    // A look at a cell that takes no more: its level, its brick or node, its word, its count.
+    constexpr std::uint32_t kLookSteps = kNoteSteps + 2 * kDescendSteps + 2;
+    // Of a copy: the same, a lane, and if that was in vain a place in the list.
+    constexpr std::uint32_t kCopySteps = kLookSteps + kLaneSteps + List::kAppendSteps;
+    constexpr std::uint32_t kLeast = kTakeSteps + (kGuestLevels + 1) * kMostCells * kLookSteps +
+                                     kMostCopies * kCopySteps + Marks::kPublishSteps;
+    static_assert(kLeast == (Visibility::kIsSnapshot ? 3477 : 3475));
+    return kLeast + static_cast<std::uint32_t>(below) * kMostCells * kDescendSteps;
   }
   std::uint32_t insert_steps(const Record& r) const noexcept {
-    return insert_steps(PackedReach::level_of(addressing_, r, a_max_));
+    return insert_steps(std::max(PackedReach::level_of(addressing_, r, a_max_) - grid_level_, 0));
   }
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
   static constexpr std::uint64_t list_steps(std::uint32_t extent) noexcept {
-    return 1 + kChunks + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
+    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
   }
 
   /// A session's own allocation state.
   class Workspace {
     friend Packed;
+    ArenaCursor<Bricks> bricks_;
     ArenaCursor<Nodes> nodes_;
     ArenaCursor<Cells> cells_;
-    ArenaCursor<Chunks> chunks_;
+    ArenaCursor<More> more_;
     ArenaCursor<Table> table_;
     typename List::Workspace list_;
     // Set aside by lost races; zero, as allocated.
-    UnitIndex spare_node_ = 0, spare_cell_ = 0;
-    std::array<UnitIndex, kChunks> spare_chunks_{};
+    UnitIndex spare_brick_ = 0, spare_node_ = 0, spare_cell_ = 0, spare_more_ = 0;
     std::array<UnitIndex, kFreedBatch> freed_{};  // places that dropped records left, this session's
     std::uint32_t freed_left_ = 0;
     UnitIndex spare_place_ = 0;  // of an insert that failed
@@ -160,10 +183,13 @@ class Packed {
   explicit Packed(const CacheConfig& config)
       : addressing_(config.bounds),
         a_max_(config.a_max),
+        grid_level_(grid_level(config.capacity)),
         sessions_(config.max_sessions),
+        grid_(dense_entries(), is_large(config)),
+        bricks_(top_cells() + sessions_ * kIdleBricks + 1, is_large(config)),
         nodes_(kSpareRoom * config.capacity * kWorstNodes + sessions_ * kIdleNodes + 1, is_large(config)),
         cells_(kSpareRoom * config.capacity * kMostCells + sessions_ * kIdleCells + 1, is_large(config)),
-        chunks_(kSpareRoom * config.capacity * kWorstLines + sessions_ * kIdleLines, is_large(config)),
+        more_(kSpareRoom * config.capacity * kWorstMore + sessions_ * kIdleMore, is_large(config)),
         table_(config.capacity + 2 * sessions_ * kIdlePlaces, is_large(config)),
         list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {
     plant();
@@ -203,10 +229,11 @@ class Packed {
   /// Queries that are under way at once in a batch.
   static constexpr std::size_t kBatch = 8;
 
-  /// `visit` for each of at most kBatch points, side by side: while one waits for memory, the others go on. Calls
-  /// f(i, record, weight), point by point. Steps are those of the visits.
-  template <class Counters, class F>
-  void visit_batch(std::span<const SurfacePoint> points, float a, Counters& counters, F&& f) noexcept {
+  /// `visit` for each of at most kBatch points, side by side: while one waits for memory, the others go on. The visitor
+  /// of points[i] is visitors[i]. Steps are those of the visits.
+  template <class Counters, class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, float a, Counters& counters,
+                   Visitors visitors) noexcept {
     std::array<Walk, kBatch> walks;
     const std::size_t n = points.size();
     for (std::size_t i = 0; i < n; ++i) begin(walks[i], points[i], a);
@@ -217,14 +244,8 @@ class Packed {
       }
     }
     for (std::size_t i = 0; i < n; ++i) look(walks[i]);
-    for (std::size_t i = 0; i < n; ++i) {
-      filter(walks[i]);
-      for (std::uint32_t k = 0; k < walks[i].kept; ++k) prefetch(&at(walks[i].places[k]), sizeof(Stored));
-    }
-    for (std::size_t i = 0; i < n; ++i) {
-      const auto shown = [&](const Record& r, float weight) noexcept { f(i, r, weight); };
-      test(walks[i], points[i], a, counters, shown);
-    }
+    for (std::size_t i = 0; i < n; ++i) filter(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) test(walks[i], points[i], a, counters, visitors[i]);
   }
 
   /// f(Record&) -> UpdateResult for every record, in parallel over the table. Quiescent.
@@ -260,14 +281,17 @@ class Packed {
 
   /// Forgets everything. Quiescent; workspaces must be made anew.
   void clear() {
+    grid_.reset();
+    bricks_.reset();
     nodes_.reset();
     cells_.reset();
-    chunks_.reset();
+    more_.reset();
     table_.reset();
     list_.reset();
     marks_.clear();
     freed_.clear();
     next_freed_.store(0, std::memory_order_relaxed);  // relaxed: quiescent
+    levels_in_use_.store(0, std::memory_order_relaxed);
     plant();
   }
 
@@ -280,31 +304,34 @@ class Packed {
     const std::uint64_t reusable = freed - std::min(next_freed_.load(std::memory_order_relaxed), freed);
     const std::uint64_t fit = std::min(
         {records(nodes_.left(), kIdleNodes, kWorstNodes), records(cells_.left(), kIdleCells, kMostCells),
-         records(chunks_.left(), kIdleLines, kWorstLines), records(table_.left() + reusable, kIdlePlaces, 1),
+         records(more_.left(), kIdleMore, kWorstMore), records(table_.left() + reusable, kIdlePlaces, 1),
          records(list_.units_left(), List::kIdleUnits, kWorstListUnits)});
     return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
   }
 
   /// Takes and touches memory for about n inserts of one session.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.nodes_.prefault(nodes_, n / 8, kNodeBytes);
-    workspace.cells_.prefault(cells_, n / 3, kCellBytes);
-    workspace.chunks_.prefault(chunks_, n / 2, kLineBytes);
+    workspace.nodes_.prefault(nodes_, n / 16, kNodeBytes);
+    workspace.cells_.prefault(cells_, n / 4, kCellBytes);
+    workspace.more_.prefault(more_, n / 16, kMoreBytes);
     workspace.table_.prefault(table_, n, sizeof(Stored));
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
-    nodes_.touch(offset / 8, n / 8);
-    cells_.touch(offset / 3, n / 3);
-    chunks_.touch(offset / 2, n / 2);
+    nodes_.touch(offset / 16, n / 16);
+    cells_.touch(offset / 4, n / 4);
+    more_.touch(offset / 16, n / 16);
     table_.touch(offset, n);
   }
 
+  /// Bytes that the structure has whatever is in it.
+  std::size_t fixed_bytes() const noexcept { return dense_entries() * kEntryBytes; }
+
   /// Bytes that `workspace` has allocated.
   static std::size_t bytes(const Workspace& workspace) noexcept {
-    return workspace.nodes_.units_used() * kNodeBytes + workspace.cells_.units_used() * kCellBytes +
-           workspace.chunks_.units_used() * kLineBytes + workspace.table_.units_used() * sizeof(Stored) +
-           List::bytes(workspace.list_);
+    return workspace.bricks_.units_used() * kBrickBytes + workspace.nodes_.units_used() * kNodeBytes +
+           workspace.cells_.units_used() * kCellBytes + workspace.more_.units_used() * kMoreBytes +
+           workspace.table_.units_used() * sizeof(Stored) + List::bytes(workspace.list_);
   }
 
  private:
@@ -324,34 +351,64 @@ class Packed {
     Atomic<std::uint64_t> mask;
     typename List::List rest;
     Atomic<std::uint32_t> count;
-    Atomic<UnitIndex> chunk[kChunks - 1];     // the second and third
-    std::uint32_t lanes[3 * chunk_lanes(0)];  // the first
+    Atomic<UnitIndex> more;                                // the other strips
+    alignas(kLineBytes) std::uint32_t strip[kStripWords];  // the first
   };
-  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first lanes are two cache lines");
+  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first strip are three cache lines");
+
+  static_assert(kMoreBytes == (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t));
+  static constexpr std::size_t kHintedBytes = kMoreBytes / 3 * 2;  // what is filled as a rule
+  // A cell of the grid.
+  struct Entry {
+    Branch branch;
+    Atomic<UnitIndex> more;  // the cell's, a hint
+  };
+  // The part of the grid's two finest levels that lies in a cell of the level above, whose entry's `node` is the brick.
+  struct Brick {
+    Entry entry[8 + 64];
+  };
+  static_assert(sizeof(Entry) == kEntryBytes && sizeof(Brick) == kBrickBytes);
+
+  // The grid's finest level L is that at which a room's walls, some 6 4^L cells, hold 8 to 32 records each at capacity.
+  static constexpr int kBrickLevels = 2;
+  static constexpr int grid_level(std::uint64_t capacity) noexcept {
+    int level = kBrickLevels;
+    while (level < kMostGridLevels && capacity / 48 >> (2 * (level + 1)) != 0) ++level;
+    return level;
+  }
+  // Entries of the levels above `level`: (8^level - 1) / 7.
+  static constexpr std::uint32_t grid_begin(int level) noexcept { return ((1u << (3 * level)) - 1) / 7; }
+  // The finest of the levels that are there as a whole.
+  int top_level() const noexcept { return grid_level_ - kBrickLevels; }
+  std::uint32_t top_cells() const noexcept { return 1u << (3 * top_level()); }
+  std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
+
+  // A record may stay as a guest in a cell up to so many levels above its own that has fewer lanes than that: where
+  // records are few or of many sizes, as at edges, that saves cells and copies.
+  static constexpr int kGuestLevels = 2;
+  static constexpr std::uint32_t kGuestLanes = kStripLanes;
 
   // Address space over what the capacity can need, for nodes that dropped records leave behind (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
-  static constexpr std::uint32_t kNodePiece = 64, kCellPiece = 16, kChunkPiece = 64, kTablePiece = 64;
-  // What a record can need at worst: eight paths, and a cell at the end of each. Further chunks, lower cells, and lists
+  static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 16, kMorePiece = 16,
+                                 kTablePiece = 64;
+  // What a record can need at worst: eight paths, and a cell at the end of each. Further lanes, lower cells, and lists
   // are used only where many records are, and take less for each.
-  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstLines = 8,
+  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstMore = 2,
                                  kWorstListUnits = 32;
   static constexpr std::size_t kUpdateGrain = 1024;
 
-  static constexpr std::uint32_t chunk_lines(int chunk) noexcept {
-    return (chunk_lanes(chunk) * 3 * sizeof(std::uint32_t) + kLineBytes - 1) / kLineBytes;
-  }
   // What a session may hold without a record in it: the rest of two pieces, and spares.
-  static constexpr std::uint64_t kIdleNodes = 2 * kNodePiece + 1, kIdleCells = 2 * kCellPiece + 1,
-                                 kIdleLines = 2 * kChunkPiece + chunk_lines(1) + chunk_lines(2),
+  static constexpr std::uint64_t kIdleBricks = 2 * kBrickPiece + 1, kIdleNodes = 2 * kNodePiece + 1,
+                                 kIdleCells = 2 * kCellPiece + 1, kIdleMore = 2 * kMorePiece + 1,
                                  kIdlePlaces = 2 * kTablePiece + kFreedBatch + 1;
 
   // Nodes and cells are never constructed: zeroed memory is an empty one by the requirement on Sync (core/sync.h).
   Node& node(UnitIndex i) const noexcept { return *std::launder(static_cast<Node*>(nodes_.at(i))); }
   Cell& cell(UnitIndex i) const noexcept { return *std::launder(static_cast<Cell*>(cells_.at(i))); }
   Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
-  std::uint32_t* words(UnitIndex chunk) const noexcept {
-    return std::launder(static_cast<std::uint32_t*>(chunks_.at(chunk)));
+  std::uint32_t* more_strips(UnitIndex i) const noexcept {
+    return std::launder(static_cast<std::uint32_t*>(more_.at(i)));
   }
   static bool is_empty(const Stored& s) noexcept {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
@@ -360,10 +417,20 @@ class Packed {
   /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
   static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
 
-  /// The root's node and cell. Quiescent.
-  void plant() noexcept {
-    root_.node.store(nodes_.take(1), std::memory_order_relaxed);
-    root_.cell.store(cells_.take(1), std::memory_order_relaxed);
+  /// An empty grid. Quiescent.
+  void plant() noexcept { grid_.take(dense_entries()); }
+
+  /// The entry of the cell of `level` that holds u. Above the bricks' levels.
+  Entry& dense_entry(int level, const GridPoint& u) const noexcept {
+    const int shift = kMaxLevel - level;
+    const std::int32_t at = (((u.z >> shift << level) | u.y >> shift) << level) | u.x >> shift;
+    return *std::launder(static_cast<Entry*>(grid_.at(1 + grid_begin(level) + static_cast<UnitIndex>(at))));
+  }
+  Entry& entry_in(UnitIndex brick, int level, const GridPoint& u) const noexcept {
+    const unsigned upper = OctreeAddressing::octant(u, top_level());
+    const unsigned at =
+        level < grid_level_ ? upper : 8 + 8 * upper + OctreeAddressing::octant(u, top_level() + 1);
+    return std::launder(static_cast<Brick*>(bricks_.at(brick)))->entry[at];
   }
 
   /// A copy of a record to be: a lane of a cell or, if `words` is null, a place in the cell's list.
@@ -388,16 +455,17 @@ class Packed {
   struct Walk {
     GridPoint u;
     glm::vec3 p;  // grid units
-    LaneQuery q;
+    float share;
     [[no_unique_address]] typename Marks::Moment moment;
-    const Branch* next;
-    int level;
+    UnitIndex below;  // the node to go to
+    int level;        // of its children
     std::uint32_t cells, strips, kept;
     std::array<Cell*, kMostPath> cell;
     std::array<int, kMostPath> cell_level;
     std::array<LanePoint, kMostPath> point;
     std::array<LaneStrip, kMostPath * kCellStrips> strip;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
+    std::array<Stored*, kMostPath * kCellLanes> stored;
   };
 
   UnitIndex take_place(Workspace& w) noexcept {
@@ -412,18 +480,49 @@ class Packed {
     return w.table_.allocate(table_, 1, kTablePiece);
   }
 
-  /// Reserves a copy in every cell that the record reaches; false if a pool is used up.
+  /// Reserves a copy in every cell that the record is to be in; false if a pool is used up.
   template <class Counters>
   bool reserve(Insertion& insertion, Counters& counters) noexcept {
-    return reserve(insertion, root_, {0, 0, 0, 0}, counters);
+    const PackedReach& reach = insertion.reach;
+    const int level = std::max(std::min(reach.level(), grid_level_), reach.level() - kGuestLevels);
+    const int from = std::min(level, grid_level_);
+    const auto [low, high] = reach.cells(from);
+    for (std::int32_t z = low.z; z <= high.z; ++z) {
+      for (std::int32_t y = low.y; y <= high.y; ++y) {
+        for (std::int32_t x = low.x; x <= high.x; ++x) {
+          const PackedCell where{x, y, z, from};
+          if (reach.touches(where) && !reserve_in_grid(insertion, where, level, counters)) return false;
+        }
+      }
+    }
+    return true;
   }
 
-  /// The same of `where` and what is below.
+  /// The same of a cell of the grid and what is below. `level`: from which on cells may take it.
   template <class Counters>
-  bool reserve(Insertion& insertion, Branch& branch, const PackedCell& where, Counters& counters) noexcept {
+  bool reserve_in_grid(Insertion& insertion, const PackedCell& where, int level,
+                       Counters& counters) noexcept {
+    Workspace& workspace = insertion.workspace;
+    const int shift = kMaxLevel - where.level;
+    const GridPoint u{where.x << shift, where.y << shift, where.z << shift};
+    Entry* entry = &dense_entry(std::min(where.level, top_level()), u);
+    if (where.level > top_level()) {
+      const UnitIndex brick = follow(entry->branch.node, bricks_, 1, workspace.bricks_, kBrickPiece,
+                                     workspace.spare_brick_, counters);
+      if (brick == 0) return false;
+      entry = &entry_in(brick, where.level, u);
+    }
+    return reserve(insertion, where, level, entry->branch, &entry->more, counters);
+  }
+
+  /// The same of any cell. `hint`: null below the grid.
+  template <class Counters>
+  bool reserve(Insertion& insertion, const PackedCell& where, int level, Branch& branch,
+               Atomic<UnitIndex>* hint, Counters& counters) noexcept {
     const PackedReach& reach = insertion.reach;
     Workspace& workspace = insertion.workspace;
-    if (where.level >= reach.level()) {
+    if (where.level >= level) {
+      if (where.level < grid_level_) note_level(where.level);
       const UnitIndex here =
           follow(branch.cell, cells_, 1, workspace.cells_, kCellPiece, workspace.spare_cell_, counters);
       if (here == 0) return false;
@@ -431,12 +530,13 @@ class Packed {
       Copy& copy = insertion.copies[insertion.reserved];
       copy.where = where;
       copy.cell = &c;
+      const std::uint32_t room = where.level < reach.level() ? kGuestLanes : kCellLanes;
       // Relaxed: the count only fixes places; what lies there is published by P6. The load keeps it from wrapping
       // round.
-      if (c.count.load(std::memory_order_relaxed) < kCellLanes) {
+      if (c.count.load(std::memory_order_relaxed) < room) {
         copy.lane = c.count.fetch_add(1, std::memory_order_relaxed);
         if (copy.lane < kCellLanes) {
-          copy.words = chunk_for(workspace, c, chunk_of(copy.lane), counters);
+          copy.words = lane_for(workspace, c, copy.lane, hint, counters);
           ++insertion.reserved;
           return copy.words != nullptr;
         }
@@ -449,16 +549,33 @@ class Packed {
         return static_cast<bool>(copy.rest);
       }
     }
-    const UnitIndex below =
-        follow(branch.node, nodes_, 1, workspace.nodes_, kNodePiece, workspace.spare_node_, counters);
-    if (below == 0) return false;
-    Node& n = node(below);
+    Node* below = nullptr;
+    if (where.level >= grid_level_) {
+      const UnitIndex n =
+          follow(branch.node, nodes_, 1, workspace.nodes_, kNodePiece, workspace.spare_node_, counters);
+      if (n == 0) return false;
+      below = &node(n);
+    }
     for (unsigned rest = reach.children(where); rest != 0; rest &= rest - 1) {
       const auto i = static_cast<unsigned>(std::countr_zero(rest));
       const PackedCell child = where.child(i);
-      if (reach.touches(child) && !reserve(insertion, n.child[i], child, counters)) return false;
+      if (!reach.touches(child)) continue;
+      if (!(below != nullptr ? reserve(insertion, child, level, below->child[i], nullptr, counters)
+                             : reserve_in_grid(insertion, child, level, counters))) {
+        return false;
+      }
     }
     return true;
+  }
+
+  /// Notes that cells of a level above the grid's finest are in use. Relaxed: see the header.
+  void note_level(int level) noexcept {
+    const std::uint32_t bit = 1u << level;
+    std::uint32_t levels = levels_in_use_.load(std::memory_order_relaxed);
+    while ((levels & bit) == 0 &&
+           !levels_in_use_.compare_exchange_strong(levels, levels | bit, std::memory_order_relaxed,
+                                                   std::memory_order_relaxed)) {
+    }
   }
 
   /// What `word` points at, installed if missing; 0 if the pool is used up.
@@ -475,25 +592,30 @@ class Packed {
     return install<Sync>(word, fresh, spare, counters);
   }
 
-  /// The words of chunk `k` of a cell, installed if missing; null if the pool is used up.
+  /// Where a lane's first word is; null if its strip is not there and the pool is used up.
   template <class Counters>
-  std::uint32_t* chunk_for(Workspace& workspace, Cell& c, int k, Counters& counters) noexcept {
-    if (k == 0) return c.lanes;
-    const UnitIndex chunk = follow(c.chunk[k - 1], chunks_, chunk_lines(k), workspace.chunks_, kChunkPiece,
-                                   workspace.spare_chunks_[static_cast<std::size_t>(k)], counters);
-    return chunk == 0 ? nullptr : words(chunk);
+  std::uint32_t* lane_for(Workspace& workspace, Cell& c, std::uint32_t lane, Atomic<UnitIndex>* hint,
+                          Counters& counters) noexcept {
+    if (lane < kStripLanes) return c.strip + lane;
+    const UnitIndex more =
+        follow(c.more, more_, 1, workspace.more_, kMorePiece, workspace.spare_more_, counters);
+    if (more == 0) return nullptr;
+    if (hint != nullptr) hint->store(more, std::memory_order_relaxed);  // relaxed: see the header
+    return more_lane(more_strips(more), lane);
+  }
+  static std::uint32_t* more_lane(std::uint32_t* more, std::uint32_t lane) noexcept {
+    return more + (lane / kStripLanes - 1) * kStripWords + lane % kStripLanes;
   }
 
   /// Writes a copy of the record at `place`, and then shows it.
   void publish(const Copy& copy, const PackedReach& reach, UnitIndex place) noexcept {
     if (copy.words == nullptr) return list_.publish(copy.rest, place);
-    const Lane lane = make_lane(reach.p(), reach.n(), reach.reach(), copy.where.corner(), copy.where.level);
-    const int k = chunk_of(copy.lane);
-    std::uint32_t* word = copy.words + (copy.lane - kChunkBegin[static_cast<std::size_t>(k)]);
-    for (const std::uint32_t value : {lane.place, lane.shape, place}) {
+    std::uint32_t* word = copy.words;
+    for (const std::uint32_t value :
+         {make_lane(reach.p(), reach.reach(), copy.where.corner(), copy.where.level), place}) {
       Sync::writes(word, sizeof *word);
       *word = value;
-      word += chunk_lanes(k);
+      word += kStripLanes;
     }
     // An addition, which no other insert does of this bit, and so as good as an or.
     copy.cell->mask.fetch_add(std::uint64_t{1} << copy.lane, std::memory_order_release /* P6 */);
@@ -502,27 +624,46 @@ class Packed {
   void begin(Walk& walk, const SurfacePoint& x, float a) noexcept {
     walk.u = addressing_.quantise(x.p);
     walk.p = addressing_.to_grid(x.p);
-    walk.q = make_lane_query(x.n, a, a_max_);
+    walk.share = make_lane_share(a, a_max_);
     walk.moment = marks_.moment();
-    walk.next = &root_;
-    walk.level = 0;
     walk.cells = walk.strips = walk.kept = 0;
+    for (std::uint32_t rest = levels_in_use_.load(std::memory_order_relaxed); rest != 0; rest &= rest - 1)
+      go_by(walk, std::countr_zero(rest));
+    const Branch& branch = go_by(walk, grid_level_);
+    walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
+    walk.level = grid_level_ + 1;
+    __builtin_prefetch(&node(walk.below));
   }
 
-  /// Goes one level down; false at the end of the path.
-  bool step(Walk& walk) noexcept {
-    const int level = walk.level++;
-    const UnitIndex below = walk.next->node.load(std::memory_order_acquire /* P2 */);
-    const UnitIndex here = walk.next->cell.load(std::memory_order_acquire /* P2 */);
-    // No branch on what cannot be foreseen, here and below: unit 0 of a pool is nobody's, and harmless to prefetch.
+  /// Takes the grid's cell of `level` up.
+  const Branch& go_by(Walk& walk, int level) noexcept {
+    const Entry* entry = &dense_entry(std::min(level, top_level()), walk.u);
+    if (level > top_level())  // brick 0 is nobody's: no cell is there
+      entry = &entry_in(entry->branch.node.load(std::memory_order_acquire /* P2 */), level, walk.u);
+    take_up(walk, entry->branch, level);
+    // Unit 0 of a pool is nobody's, and harmless to prefetch.
+    prefetch(more_strips(entry->more.load(std::memory_order_relaxed)), kHintedBytes);
+    return entry->branch;
+  }
+
+  /// Puts a branch's cell on the path if it is there.
+  void take_up(Walk& walk, const Branch& branch, int level) noexcept {
+    const UnitIndex here = branch.cell.load(std::memory_order_acquire /* P2 */);
+    // No branch on what cannot be foreseen, here and below.
     Cell& c = cell(here);
     prefetch(&c, kCellBytes);
     walk.cell[walk.cells] = &c;
     walk.cell_level[walk.cells] = level;
     walk.cells += here != 0;
-    if (below == 0 || level == kPackedLevels) return false;
-    walk.next = &node(below).child[OctreeAddressing::octant(walk.u, level)];
-    __builtin_prefetch(walk.next);
+  }
+
+  /// Goes one level down; false at the end of the path.
+  bool step(Walk& walk) noexcept {
+    if (walk.below == 0) return false;
+    const Branch& branch = node(walk.below).child[OctreeAddressing::octant(walk.u, walk.level - 1)];
+    take_up(walk, branch, walk.level++);
+    walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
+    __builtin_prefetch(&node(walk.below));
     return true;
   }
 
@@ -535,29 +676,35 @@ class Packed {
       walk.point[i] = make_lane_point(walk.p, where.corner(), level);
       const std::uint64_t mask = c.mask.load(std::memory_order_acquire /* P6 */);
       Sync::extent(static_cast<std::uint32_t>(std::popcount(mask)));
-      for (int k = 0; k < kChunks; ++k) {
-        const std::uint32_t size = chunk_lanes(k);
-        // Relaxed: the mask that shows one of its lanes was acquired (P6). Without such a lane it may be missing still.
-        const std::uint32_t* lanes = k == 0 ? c.lanes : words(c.chunk[k - 1].load(std::memory_order_relaxed));
-        if (k != 0) prefetch(lanes, chunk_lines(k) * kLineBytes);
-        for (std::uint32_t at_lane = 0; at_lane < size; at_lane += kStripLanes) {
-          const std::uint32_t first = kChunkBegin[static_cast<std::size_t>(k)] + at_lane;
-          const auto bits =
-              static_cast<std::uint32_t>(mask >> first) & ((1u << std::min(kStripLanes, size - at_lane)) - 1);
-          walk.strip[walk.strips] = {lanes + at_lane, &walk.point[i], size, bits};
-          walk.strips += bits != 0;
-          for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
-            for (std::uint32_t w = 0; w < 3; ++w)
-              Sync::reads(lanes + at_lane + w * size + std::countr_zero(rest), sizeof *lanes);
-          }
-        }
-      }
+      list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask) & 0xffffu, c.strip);
+      if (mask >> kStripLanes == 0) continue;
+      // Relaxed: the mask that shows one of its lanes was acquired (P6).
+      const std::uint32_t* more = more_strips(c.more.load(std::memory_order_relaxed));
+      for (std::uint32_t s = 1; s < kCellStrips; ++s)
+        list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask >> (s * kStripLanes)) & 0xffffu,
+                   more + (s - 1) * kStripWords);
+    }
+  }
+
+  /// Lists a strip if it has lanes in the mask.
+  void list_strip(Walk& walk, const LanePoint& point, std::uint32_t bits,
+                  const std::uint32_t* strip) noexcept {
+    walk.strip[walk.strips] = {strip, &point, kStripLanes, bits};
+    walk.strips += bits != 0;
+    for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
+      Sync::reads(strip + std::countr_zero(rest), sizeof *strip);
+      Sync::reads(strip + kStripLanes + std::countr_zero(rest), sizeof *strip);
     }
   }
 
   /// Collects the places of the records that lanes are kept of.
   void filter(Walk& walk) noexcept {
-    walk.kept = filter_(walk.q, walk.strip.data(), walk.strips, walk.places.data());
+    walk.kept = kernels_.filter(walk.share, walk.strip.data(), walk.strips, walk.places.data());
+    for (std::uint32_t k = 0; k < walk.kept; ++k) {
+      Stored* stored = walk.stored[k] = &at(walk.places[k]);
+      __builtin_prefetch(stored);
+      __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
+    }
   }
 
   static void prefetch(const void* from, std::size_t bytes) noexcept {
@@ -568,60 +715,52 @@ class Packed {
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
   void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    const auto weigh = [&](UnitIndex place) noexcept {
-      Stored& stored = at(place);
-      if (!marks_.shows(stored.mark, walk.moment)) return 0.0f;
-      Sync::reads(&stored.record, sizeof stored.record);
-      counters.template add<&Counts::records_read>(1);
-      return likely_split_sphere_weight(x, stored.record, a);
-    };
-    const auto show = [&](UnitIndex place, float weight) noexcept {
-      if (!(weight > 0.0f)) return;
-      counters.template add<&Counts::records_valid>(1);
-      f(static_cast<const Record&>(at(place).record), weight);
-    };
-    // Weights of several first, one by the other's side, and then what depends on them.
     constexpr std::uint32_t kAtOnce = 8;
-    std::array<float, kAtOnce> weights;
+    std::array<const Record*, kAtOnce + kWeighed> shown;
+    std::array<float, kAtOnce + kWeighed> weights;
+    const auto show = [&](std::uint32_t n) noexcept {
+      if (n == 0) return;
+      for (std::uint32_t k = 0; k < n; ++k) Sync::reads(shown[k], sizeof(Record));
+      for (std::uint32_t k = n; k % kWeighed != 0; ++k) shown[k] = shown[0];
+      const std::uint32_t valid = show_valid(kernels_, x, a, shown.data(), n, weights.data(), f);
+      counters.template add<&Counts::records_read>(n);
+      counters.template add<&Counts::records_valid>(valid);
+    };
     for (std::uint32_t i = 0; i < walk.kept; i += kAtOnce) {
-      const std::uint32_t n = std::min(kAtOnce, walk.kept - i);
-      for (std::uint32_t k = 0; k < n; ++k) weights[k] = weigh(walk.places[i + k]);
-      for (std::uint32_t k = 0; k < n; ++k) show(walk.places[i + k], weights[k]);
+      const std::uint32_t end = std::min(i + kAtOnce, walk.kept);
+      std::uint32_t n = 0;
+      for (std::uint32_t k = i; k < end; ++k) {
+        Stored& stored = *walk.stored[k];
+        shown[n] = &stored.record;
+        n += marks_.shows(stored.mark, walk.moment);
+      }
+      show(n);
     }
     for (std::uint32_t i = 0; i < walk.cells; ++i)
-      list_.visit(walk.cell[i]->rest, list_.moment(),
-                  [&](UnitIndex place) noexcept { show(place, weigh(place)); });
+      list_.visit(walk.cell[i]->rest, list_.moment(), [&](UnitIndex place) noexcept {
+        Stored& stored = at(place);
+        shown[0] = &stored.record;
+        if (marks_.shows(stored.mark, walk.moment)) show(1);
+      });
   }
-
-  /// Where a lane's words are: `stride` apart; nowhere if its chunk is missing.
-  template <class Word>
-  struct LanePlace {
-    LanePlace(const std::array<Word*, kChunks>& chunk, std::uint32_t lane) noexcept {
-      const auto k = static_cast<std::size_t>(chunk_of(lane));
-      stride = chunk_lanes(static_cast<int>(k));
-      word = chunk[k] == nullptr ? nullptr : chunk[k] + (lane - kChunkBegin[k]);
-    }
-    Word* word;
-    std::uint32_t stride;
-  };
 
   /// Takes the copies of dropped records out of a cell; what is kept moves up. Quiescent.
   void forget_dropped(Cell& c) {
     // All orders relaxed: quiescent; the caller's synchronisation publishes.
-    std::array<std::uint32_t*, kChunks> chunks = {c.lanes};
-    for (int k = 1; k < kChunks; ++k) {
-      const UnitIndex chunk = c.chunk[k - 1].load(std::memory_order_relaxed);
-      if (chunk != 0) chunks[static_cast<std::size_t>(k)] = words(chunk);
-    }
+    const UnitIndex more = c.more.load(std::memory_order_relaxed);
+    const auto lane_at = [&](std::uint32_t lane) {
+      return lane < kStripLanes ? c.strip + lane : more_lane(more_strips(more), lane);
+    };
     std::uint64_t mask = 0;
     std::uint32_t kept = 0;
+    // Where strips could not be had, no lane is published, so that none is asked for.
     for (std::uint64_t rest = c.mask.load(std::memory_order_relaxed); rest != 0; rest &= rest - 1) {
-      const LanePlace<std::uint32_t> from(chunks, static_cast<std::uint32_t>(std::countr_zero(rest)));
-      if (is_empty(at(from.word[2 * from.stride]))) continue;
-      LanePlace<std::uint32_t> to(chunks, kept);
-      // A chunk that could not be had leaves a gap.
-      while (to.word == nullptr) to = LanePlace<std::uint32_t>(chunks, ++kept);
-      for (std::uint32_t w = 0; w < 3; ++w) to.word[w * to.stride] = from.word[w * from.stride];
+      const std::uint32_t* from = lane_at(static_cast<std::uint32_t>(std::countr_zero(rest)));
+      const UnitIndex place = from[kStripLanes];
+      if (is_empty(at(place))) continue;
+      std::uint32_t* to = lane_at(kept);
+      to[0] = from[0];
+      to[kStripLanes] = place;
       mask |= std::uint64_t{1} << kept++;
     }
     c.mask.store(mask, std::memory_order_relaxed);
@@ -633,15 +772,18 @@ class Packed {
 
   OctreeAddressing addressing_;
   float a_max_;
-  LaneFilter filter_ = Lanes::best();
+  int grid_level_;  // the grid's finest
+  LaneKernels kernels_ = Lanes::best();
   std::uint64_t sessions_;
+  Grid grid_;
+  Bricks bricks_;
   Nodes nodes_;
   Cells cells_;
-  Chunks chunks_;
+  More more_;
   Table table_;
   List list_;
   [[no_unique_address]] Marks marks_;
-  Branch root_;
+  Atomic<std::uint32_t> levels_in_use_{0};  // above the grid's finest, a bit each
   // Places that dropped records left. Changed at rest only; sessions take batches of it, as of an arena.
   std::vector<UnitIndex> freed_;
   alignas(kNoSharing) Atomic<std::uint64_t> next_freed_{0};

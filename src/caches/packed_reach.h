@@ -5,12 +5,14 @@
 // one level below, three an axis. A cell is left out if it lies outside the sphere, or wholly behind the record:
 //
 //   Valid at x means d.(n + n_x)/2 >= -0.01 R for d = x - p (core/interpolation.h). With |n - n_x| = sqrt(2 bend) and
-//   sqrt(bend) < a - |d|/R, it follows that d.n >= -0.01 R - |d| (a - |d|/R) / sqrt(2) >= -(0.01 + a^2/4/sqrt(2)) R. So no
-//   valid point is deeper below the record's plane than kInFrontTolerance/a + a/4/sqrt(2) of its reach.
+//   sqrt(bend) < a - |d|/R, it follows that d.n >= -0.01 R - |d| (a - |d|/R) / sqrt(2) >= -(0.01 + a^2/4/sqrt(2)) R. So
+//   no valid point is deeper below the record's plane than kInFrontTolerance/a + a/4/sqrt(2) of its reach.
 //
 // Both tests have slack for rounding: |u(x) - u(p)| errs by less than 0.44 grid units an axis (core/octree.h), and the
 // last cells hold what lies up to a unit behind them.
 #pragma once
+
+#include <utility>
 
 #include "core/interpolation.h"
 #include "core/octree.h"
@@ -42,9 +44,9 @@ struct PackedCell {
 /// A record's reach in grid units.
 class PackedReach {
  public:
-  /// Least width of a record's cell, in its reaches. Chosen by measurement: at 3 a query tests a third more
-  /// lanes, at 2 a record takes 159 bytes instead of 140 and an insert a third longer (Cornell box, 10^5 records).
-  static constexpr float kCellWidth = 2.5f;
+  /// Least width of a record's cell, in its reaches: so little above 2 that a sphere meets two cells an axis at most,
+  /// for at the last level a cell is 2^7 units, and 2 (2^7 / 2.1 + kSlack) < 2^7.
+  static constexpr float kCellWidth = 2.1f;
 
   PackedReach(const OctreeAddressing& addressing, const Record& r, float a_max) noexcept
       : p_(addressing.to_grid(r.p)),
@@ -67,6 +69,13 @@ class PackedReach {
   const glm::vec3& n() const noexcept { return n_; }
   float reach() const noexcept { return reach_; }
   int level() const noexcept { return level_; }
+
+  /// The least and the greatest cell of `level` that the sphere's box touches.
+  std::pair<GridPoint, GridPoint> cells(int level) const noexcept {
+    const int shift = kMaxLevel - level;
+    return {{low_[0] >> shift, low_[1] >> shift, low_[2] >> shift},
+            {high_[0] >> shift, high_[1] >> shift, high_[2] >> shift}};
+  }
 
   /// Children of `cell` that the sphere's box touches, a bit each: at least one if the box touches the cell.
   unsigned children(const PackedCell& cell) const noexcept {

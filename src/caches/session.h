@@ -96,8 +96,7 @@ class Session {
       which[n++] = i;
     }
     counters.template add<&Counts::invalid_queries>(points.size() - n);
-    cache_->visit_batch(*state_, std::span(askable).first(n),
-                        [&](std::size_t i, const Record& r, float weight) { interpolators[i](r, weight); });
+    cache_->visit_batch(*state_, std::span(askable).first(n), std::span(interpolators));
     for (std::size_t i = 0; i < n; ++i) {
       out[which[i]] = interpolators[i].result();
       counters.template add<&Counts::hits>(out[which[i]].has_value());
@@ -163,6 +162,16 @@ constexpr std::size_t batch_of() noexcept {
     return Structure::kBatch;
   } else {
     return 1;
+  }
+}
+
+/// Bytes that a structure has whatever is in it, beside what its workspaces allocate.
+template <class Structure>
+std::size_t fixed_bytes(const Structure& structure) noexcept {
+  if constexpr (requires { structure.fixed_bytes(); }) {
+    return structure.fixed_bytes();
+  } else {
+    return 0;
   }
 }
 

@@ -83,6 +83,20 @@ class MeanIrradiance {
     weights_ += weight;
   }
 
+  /// Adds n irradiances in their order, each with its weight; a weight may be 0.
+  template <class IrradianceOf>
+  void add(std::uint32_t n, const float* weights, IrradianceOf&& E) noexcept {
+    // Sums of their own, which stay in registers.
+    Irradiance weighted = weighted_;
+    float sum = weights_;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      weighted += weights[i] * E(i);
+      sum += weights[i];
+    }
+    weighted_ = weighted;
+    weights_ = sum;
+  }
+
   /// nullopt exactly when nothing was added.
   std::optional<Irradiance> result() const noexcept {
     if (!(weights_ > 0.0f)) return std::nullopt;
@@ -98,6 +112,11 @@ class MeanIrradiance {
 class Interpolator {
  public:
   void operator()(const Record& r, float weight) noexcept { mean_.add(r.E, weight); }
+
+  /// The same for n records; those with weight 0 are not valid.
+  void add(const Record* const* records, const float* weights, std::uint32_t n) noexcept {
+    mean_.add(n, weights, [&](std::uint32_t i) -> const Irradiance& { return records[i]->E; });
+  }
 
   /// nullopt exactly when no record was valid.
   std::optional<Irradiance> result() const noexcept { return mean_.result(); }

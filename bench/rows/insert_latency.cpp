@@ -1,5 +1,5 @@
-// What strictness costs a reader while others write: median latency of a query on one unit while all other
-// units insert at a set rate together, linearizable queries against regular ones.
+// What a reader pays while others write: median latency of a query on one unit while all other units insert at a set
+// rate together, linearizable queries against regular ones, and queries against the same with nobody inserting.
 //
 // The inserts are an open loop. Each has a moment at which it is due, whatever became of those before it; a
 // thread that was held up catches up. A sample in which they fell behind the rate does not count.
@@ -30,9 +30,11 @@ constexpr std::uint32_t kBlock = 64;            // queries between two looks at 
 constexpr std::uint32_t kFastest = 20'000'000;  // queries a second for which there is room
 constexpr std::size_t kOracleSamples = 8;
 
-class SnapshotLatency : public Experiment {
+/// `Above` while others insert, over `Below` likewise or, if `is_idle_below`, while nobody does.
+template <class Above, class Below, bool is_idle_below>
+class InsertLatency : public Experiment {
  public:
-  SnapshotLatency(const Machine& machine, std::uint32_t inserts_per_second)
+  InsertLatency(const Machine& machine, std::uint32_t inserts_per_second)
       : rate_(inserts_per_second),
         rays_(make_scene("cornell_box")),
         plan_(workload(inserts_per_second), rays_, machine.seed),
@@ -43,17 +45,17 @@ class SnapshotLatency : public Experiment {
   Sample sample() override {
     if (team_.size() < 2) return {0.0, "this process may use a single processing unit"};
     const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size()));
-    const bool regular_first = (count_++ & 1u) != 0;
-    Measured snapshot, regular;
-    if (regular_first) regular = measure<WaitFree<>>(first);
-    snapshot = measure<WaitFreeSnapshot<>>(first);
-    if (!regular_first) regular = measure<WaitFree<>>(first);
-    const double reached = std::min(snapshot.reached, regular.reached);
+    const bool below_first = (count_++ & 1u) != 0;
+    Measured above, below;
+    if (below_first) below = measure<Below>(first, !is_idle_below);
+    above = measure<Above>(first, true);
+    if (!below_first) below = measure<Below>(first, !is_idle_below);
+    const double reached = is_idle_below ? above.reached : std::min(above.reached, below.reached);
     if (reached < kEnough) {
       return {0.0,
               fmt::format("the other units made only {:.0f} of {} inserts a second", reached * rate_, rate_)};
     }
-    return {snapshot.median_ticks / regular.median_ticks};
+    return {above.median_ticks / below.median_ticks};
   }
 
  private:
@@ -72,7 +74,7 @@ class SnapshotLatency : public Experiment {
   }
 
   template <class Cache>
-  Measured measure(std::uint32_t first_point) {
+  Measured measure(std::uint32_t first_point, bool do_insert) {
     const unsigned threads = team_.size();
     Cache cache(plan_.config(threads));
     auto main_session = cache.open_session(0);
@@ -89,7 +91,7 @@ class SnapshotLatency : public Experiment {
     team_.run([&](unsigned t) {
       if (t == 0) {
         queries = ask(sessions[0], first_point);
-      } else {
+      } else if (do_insert) {
         made[t] = insert_what_is_due(sessions[t], t - 1, threads - 1);
       }
     });
@@ -170,7 +172,12 @@ class SnapshotLatency : public Experiment {
 }  // namespace
 
 std::unique_ptr<Experiment> snapshot_latency(const Machine& machine, std::uint32_t inserts_per_second) {
-  return std::make_unique<SnapshotLatency>(machine, inserts_per_second);
+  return std::make_unique<InsertLatency<WaitFreeSnapshot<>, WaitFree<>, false>>(machine, inserts_per_second);
+}
+
+std::unique_ptr<Experiment> packed_insert_latency(const Machine& machine, std::uint32_t inserts_per_second) {
+  return std::make_unique<InsertLatency<PackedWaitFree<>, PackedWaitFree<>, true>>(machine,
+                                                                                   inserts_per_second);
 }
 
 }  // namespace icbench

@@ -1,0 +1,127 @@
+// What vectors are worth by themselves: the tests of lanes and records of a packed octree's queries, noted and made again
+// by scalar code and by vectors, without what else a query does.
+#include <vector>
+
+#include "caches/registry.h"
+#include "core/random.h"
+#include "rows/rows.h"
+#include "scene/registry.h"
+#include "workload/synthetic_plan.h"
+
+namespace icbench {
+namespace {
+
+/// The calls of kernels that queries make.
+struct NotedCalls {
+  struct Filter {
+    float share;
+    std::size_t first;
+    std::uint32_t n;
+  };
+  struct Weigh {
+    SurfacePoint x;
+    float a;
+    std::size_t first;
+    std::uint32_t n;
+  };
+  std::vector<Filter> filters;
+  std::vector<LaneStrip> strips;
+  std::vector<LanePoint> points;  // of the strips
+  std::vector<Weigh> weighs;
+  std::vector<const Record*> records;
+
+  static NotedCalls* now;  // where calls are noted; single-threaded
+};
+NotedCalls* NotedCalls::now = nullptr;
+
+/// Scalar code that notes what it is called for.
+struct NotingLanes {
+  static LaneKernels best() noexcept { return {filter, weigh}; }
+
+ private:
+  static std::uint32_t filter(float share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+    NotedCalls& calls = *NotedCalls::now;
+    calls.filters.push_back({share, calls.strips.size(), n});
+    for (std::uint32_t i = 0; i < n; ++i) {
+      calls.strips.push_back(strips[i]);
+      calls.points.push_back(*strips[i].at);
+    }
+    return filter_lanes_scalar(share, strips, n, out);
+  }
+  static void weigh(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                    float* weights) {
+    NotedCalls& calls = *NotedCalls::now;
+    calls.weighs.push_back({x, a, calls.records.size(), n});
+    calls.records.insert(calls.records.end(), records, records + n);
+    calls.records.resize((calls.records.size() + kWeighed - 1) / kWeighed * kWeighed, records[0]);
+    weigh_records_scalar(x, a, records, n, weights);
+  }
+};
+
+class ScalarOverVectors : public Experiment {
+ public:
+  ScalarOverVectors(const Machine& machine, std::string_view workload)
+      : rays_(make_scene("cornell_box")),
+        plan_(parse_workload(workload), rays_, machine.seed),
+        cache_(plan_.config(1)),
+        random_(machine.seed) {
+    auto session = cache_.open_session(0);
+    for (const Record& r : plan_.records()) session.insert(r);
+    machine.bind();
+  }
+
+  Sample sample() override {
+    // So few that all of it is at hand: it is not memory that is measured.
+    constexpr std::uint32_t kQueries = 100;
+    constexpr int kRounds = 200;
+    NotedCalls calls;
+    NotedCalls::now = &calls;
+    auto session = cache_.open_session(0);
+    const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size() - kQueries));
+    for (std::uint32_t i = first; i < first + kQueries; ++i) session.query(plan_.points()[i]);
+    for (std::size_t i = 0; i < calls.strips.size(); ++i) calls.strips[i].at = &calls.points[i];
+    const auto time = [&](const LaneKernels& kernels) {
+      repeat(kernels, calls);
+      return seconds([&] {
+        for (int round = 0; round < kRounds; ++round) repeat(kernels, calls);
+      });
+    };
+    const bool scalar_first = (count_++ & 1u) != 0;
+    double scalar = 0.0;
+    if (scalar_first) scalar = time(ScalarLanes::best());
+    const double vectors = time(SimdLanes::best());
+    if (!scalar_first) scalar = time(ScalarLanes::best());
+    return {scalar / vectors};
+  }
+
+ private:
+  void repeat(const LaneKernels& kernels, const NotedCalls& calls) {
+    for (const NotedCalls::Filter& f : calls.filters) {
+      kept_.resize(f.n * kStripLanes + kStripLanes);
+      checksum_ += kernels.filter(f.share, &calls.strips[f.first], f.n, kept_.data());
+    }
+    for (const NotedCalls::Weigh& w : calls.weighs) {
+      weights_.resize(w.n + kWeighed);
+      kernels.weigh(w.x, w.a, &calls.records[w.first], w.n, weights_.data());
+      checksum_ += weights_[0];
+    }
+  }
+
+  RayTracer rays_;
+  SyntheticPlan plan_;
+  Direct<Packed<StdSync, AtFirstSight, NotingLanes>> cache_;
+  Pcg32 random_;
+  std::vector<UnitIndex> kept_;
+  std::vector<float> weights_;
+  unsigned count_ = 0;
+  double checksum_ = 0.0;
+};
+
+}  // namespace
+
+std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
+                                                              std::string_view workload) {
+  return std::make_unique<ScalarOverVectors>(machine, workload);
+}
+
+}  // namespace icbench

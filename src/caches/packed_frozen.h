@@ -1,0 +1,209 @@
+// What is left of the packed octree's costs when nothing can change any more: the records of a filled cache, built once
+// into a structure that is only read. It answers as the cache does, and is the floor that a live cache is held against.
+//
+// Use: `PackedFrozen frozen(cache.config(), records)`, then `query` or `visit` from any number of threads.
+//
+// Memory. Records are sorted along a space-filling curve (Morton order), so that those of a neighbourhood share pages.
+// An octree's leaves partition space, and a leaf knows all records that reach it, whatever their size, in one run of
+// lanes (caches/packed_lanes.h). A query looks up one word of a dense grid, goes down from there, tests one run, and
+// reads the records that are kept. Without marks, masks or spare room.
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "caches/packed_filter.h"
+#include "caches/packed_lanes.h"
+#include "caches/packed_reach.h"
+#include "core/cache.h"
+#include "core/interpolation.h"
+#include "core/large_pages.h"
+#include "core/octree.h"
+
+namespace icbench {
+
+class PackedFrozen {
+ public:
+  /// `records`: what is_storable within config.bounds.
+  PackedFrozen(const CacheConfig& config, std::span<const Record> records)
+      : config_(config), addressing_(config.bounds) {
+    sort(records);
+    std::vector<PackedReach> reaches;
+    reaches.reserve(records_.size());
+    std::vector<UnitIndex> all(records_.size());
+    for (UnitIndex i = 0; i < records_.size(); ++i) {
+      reaches.emplace_back(addressing_, records_[i], config_.a_max);
+      all[i] = i;
+    }
+    while (grid_level_ < kMostGridLevel && records_.size() >> (2 * grid_level_ + 5) != 0) ++grid_level_;
+    grid_.resize(std::size_t{1} << (3 * grid_level_));
+    words_.resize(kStripLanes);  // run 0: empty
+    fill_grid({0, 0, 0, 0}, all, reaches);
+    words_.resize(words_.size() + kStripLanes);  // strips are loaded whole
+    words_.shrink_to_fit();
+    nodes_.shrink_to_fit();
+  }
+
+  /// Calls f(record, weight) for every record valid at x.
+  template <class F>
+  void visit(const SurfacePoint& x, F&& f) const noexcept {
+    if (!is_askable(x, config_.bounds)) return;
+    const GridPoint u = addressing_.quantise(x.p);
+    int level = grid_level_;
+    std::uint32_t word = grid_[grid_index(u)];
+    while ((word & kIsNode) != 0) {
+      word = nodes_[word & ~kIsNode].child[OctreeAddressing::octant(u, level)];
+      ++level;
+    }
+    const std::uint32_t* run = words_.data() + std::size_t{word} * kRunUnit;
+    const std::uint32_t n = run[0];
+    __builtin_prefetch(run + kStripLanes);
+    const int shift = kMaxLevel - level;
+    const PackedCell where{u.x >> shift, u.y >> shift, u.z >> shift, level};
+    const LanePoint at = make_lane_point(addressing_.to_grid(x.p), where.corner(), level);
+    const float share = make_lane_share(config_.a, config_.a_max);
+    std::array<LaneStrip, kStripsAtOnce> strips;
+    std::array<UnitIndex, (kStripsAtOnce + 1) * kStripLanes> kept;
+    for (std::uint32_t first = 0; first < n; first += kStripsAtOnce * kStripLanes) {
+      std::uint32_t count = 0;
+      for (std::uint32_t i = first; i < n && count < kStripsAtOnce; i += kStripLanes) {
+        const std::uint32_t lanes = std::min(n - i, kStripLanes);
+        strips[count++] = {run + 1 + i, &at, n, 0xffffu >> (kStripLanes - lanes)};
+      }
+      const std::uint32_t k = kernels_.filter(share, strips.data(), count, kept.data());
+      for (std::uint32_t i = 0; i < k; ++i) {
+        const auto* record = reinterpret_cast<const std::byte*>(&records_[kept[i]]);
+        __builtin_prefetch(record);
+        __builtin_prefetch(record + sizeof(Record) - 1);
+      }
+      test(x, std::span(kept).first(k), f);
+    }
+  }
+
+  std::optional<Irradiance> query(const SurfacePoint& x) const noexcept {
+    Interpolator interpolator;
+    visit(x, interpolator);
+    return interpolator.result();
+  }
+
+  std::size_t memory_bytes() const noexcept {
+    return records_.size() * sizeof(Record) + nodes_.size() * sizeof(Node) +
+           (grid_.size() + words_.size()) * sizeof(std::uint32_t);
+  }
+
+ private:
+  // A word of the grid or of a node: a node's index, or where a leaf's run begins in units of kRunUnit words. A run is
+  // a count, so many lanes' places, and their indices.
+  static constexpr std::uint32_t kIsNode = 1u << 31;
+  static constexpr std::size_t kRunUnit = 4;
+  static constexpr int kMostGridLevel = 7;
+  static constexpr std::uint32_t kStripsAtOnce = 8;
+  // A leaf of more lanes is split, unless its children would hold as many.
+  static constexpr std::size_t kLeafLanes = 64;
+  static constexpr double kLeastGain = 0.75;
+
+  template <class T>
+  using Array = std::vector<T, LargePageAllocator<T>>;
+
+  struct Node {
+    std::uint32_t child[8];
+  };
+
+  std::size_t grid_index(const GridPoint& u) const noexcept {
+    const int shift = kMaxLevel - grid_level_;
+    return static_cast<std::size_t>(((((u.z >> shift) << grid_level_) | (u.y >> shift)) << grid_level_) |
+                                    (u.x >> shift));
+  }
+
+  void sort(std::span<const Record> records) {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> order(records.size());
+    for (std::uint32_t i = 0; i < order.size(); ++i) {
+      const GridPoint u = addressing_.quantise(records[i].p);
+      std::uint64_t key = 0;
+      for (int level = 0; level < kMaxLevel; ++level) key = key << 3 | OctreeAddressing::octant(u, level);
+      order[i] = {key, i};
+    }
+    std::sort(order.begin(), order.end());
+    records_.reserve(records.size());
+    for (const auto& [key, i] : order) records_.push_back(records[i]);
+  }
+
+  /// Those of `some` that reach `cell`.
+  static std::vector<UnitIndex> reaching(const PackedCell& cell, std::span<const UnitIndex> some,
+                                         const std::vector<PackedReach>& reaches) {
+    std::vector<UnitIndex> out;
+    for (const UnitIndex i : some) {
+      if (reaches[i].touches(cell)) out.push_back(i);
+    }
+    return out;
+  }
+
+  void fill_grid(const PackedCell& cell, std::span<const UnitIndex> some,
+                 const std::vector<PackedReach>& reaches) {
+    if (some.empty()) return;
+    if (cell.level == grid_level_) {
+      const int shift = kMaxLevel - cell.level;
+      grid_[grid_index({cell.x << shift, cell.y << shift, cell.z << shift})] = build(cell, some, reaches);
+      return;
+    }
+    for (unsigned i = 0; i < 8; ++i)
+      fill_grid(cell.child(i), reaching(cell.child(i), some, reaches), reaches);
+  }
+
+  /// The word for a cell below the grid.
+  std::uint32_t build(const PackedCell& cell, std::span<const UnitIndex> some,
+                      const std::vector<PackedReach>& reaches) {
+    if (some.empty()) return 0;
+    if (some.size() > kLeafLanes && cell.level < kPackedLevels) {
+      std::array<std::vector<UnitIndex>, 8> parts;
+      std::size_t all = 0, filled = 0;
+      for (unsigned i = 0; i < 8; ++i) {
+        parts[i] = reaching(cell.child(i), some, reaches);
+        all += parts[i].size();
+        filled += !parts[i].empty();
+      }
+      if (static_cast<double>(all) < kLeastGain * static_cast<double>(filled * some.size())) {
+        const std::size_t n = nodes_.size();
+        nodes_.emplace_back();
+        for (unsigned i = 0; i < 8; ++i) {
+          const std::uint32_t word = build(cell.child(i), parts[i], reaches);
+          nodes_[n].child[i] = word;
+        }
+        return static_cast<std::uint32_t>(n) | kIsNode;
+      }
+    }
+    const std::size_t begin = words_.size();
+    words_.push_back(static_cast<std::uint32_t>(some.size()));
+    for (const UnitIndex i : some)
+      words_.push_back(make_lane(reaches[i].p(), reaches[i].reach(), cell.corner(), cell.level));
+    words_.insert(words_.end(), some.begin(), some.end());
+    words_.resize((words_.size() + kRunUnit - 1) / kRunUnit * kRunUnit);
+    return static_cast<std::uint32_t>(begin / kRunUnit);
+  }
+
+  template <class F>
+  void test(const SurfacePoint& x, std::span<const UnitIndex> kept, F& f) const noexcept {
+    constexpr std::uint32_t kAtOnce = 8;
+    std::array<const Record*, kAtOnce + kWeighed> shown;
+    std::array<float, kAtOnce + kWeighed> weights;
+    for (; !kept.empty(); kept = kept.subspan(std::min<std::size_t>(kAtOnce, kept.size()))) {
+      const auto n = static_cast<std::uint32_t>(std::min<std::size_t>(kAtOnce, kept.size()));
+      for (std::uint32_t k = 0; k < n; ++k) shown[k] = &records_[kept[k]];
+      for (std::uint32_t k = n; k % kWeighed != 0; ++k) shown[k] = shown[0];
+      show_valid(kernels_, x, config_.a, shown.data(), n, weights.data(), f);
+    }
+  }
+
+  CacheConfig config_;
+  OctreeAddressing addressing_;
+  LaneKernels kernels_ = SimdLanes::best();
+  Array<Record> records_;
+  int grid_level_ = 0;
+  Array<std::uint32_t> grid_, words_;
+  Array<Node> nodes_;
+};
+
+}  // namespace icbench
