@@ -147,7 +147,8 @@ class AppendLog {
   }
 
   std::size_t memory_bytes() const {
-    std::size_t bytes = sessions_.bytes() + Structure::bytes(workspace_) + log_.capacity() * sizeof(Record);
+    std::size_t bytes = sessions_.bytes() + fixed_bytes(structure_) + Structure::bytes(workspace_) +
+                        log_.capacity() * sizeof(Record);
     sessions_.for_each([&](const State& s) { bytes += s.own.bytes(); });
     return bytes;
   }
@@ -174,13 +175,11 @@ class AppendLog {
     s.own.visit(x, config_.a, s.counters, f);
   }
 
-  template <class F>
-  void visit_batch(State& s, std::span<const SurfacePoint> points, F&& f) noexcept {
-    structure_.visit_batch(points, config_.a, s.counters, f);
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      s.own.visit(points[i], config_.a, s.counters,
-                  [&](const Record& r, float weight) noexcept { f(i, r, weight); });
-    }
+  template <class Visitors>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, Visitors visitors) noexcept {
+    structure_.visit_batch(points, config_.a, s.counters, visitors);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      s.own.visit(points[i], config_.a, s.counters, visitors[i]);
   }
 
   bool insert(State& s, const Record& r) noexcept {
