@@ -137,6 +137,29 @@ class BadInput(Case):
             with self.subTest(arguments):
                 self.refuse("render", *arguments, says=[part])
 
+    def test_caches_that_cannot_be_loaded_or_saved(self):
+        self.succeed(*small_render(out="a.exr"), "--save-cache", "room.cache")
+        whole = (self.folder / "room.cache").read_bytes()
+        (self.folder / "damaged.cache").write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+        (self.folder / "cut.cache").write_bytes(whole[:-44])
+        for arguments, part in ((["--load-cache", "missing.cache"], "missing.cache"),
+                                (["--load-cache", "damaged.cache"], "checksum"),
+                                (["--load-cache", "cut.cache"], "bytes where"),
+                                (["--load-cache", "a.exr"], "no file of a cache"),
+                                (["--load-cache", "room.cache", "--scene", "cornell_specular"],
+                                 "holds records of cornell_box, frame 0, not of cornell_specular"),
+                                (["--load-cache", "room.cache", "--frame", "1"], "not of cornell_box, frame 1"),
+                                (["--load-cache", "room.cache", "--interpolation", "gradients"], "--load-cache"),
+                                (["--save-cache", "b.cache", "--leak-guard"], "--leak-guard"),
+                                (["--save-cache", "b.cache", "--integrator", "path"], "--save-cache"),
+                                (["--save-cache", "b.cache", "--integrator", "temporal_instant_caching"],
+                                 "--save-cache"),
+                                (["--save-cache", "render.exr"], "picture"),
+                                (["--save-cache", "nowhere/b.cache"], "nowhere")):
+            with self.subTest(arguments):
+                self.refuse("render", "--size", "16x16", *arguments, says=[part])
+        self.assertFalse((self.folder / "b.cache").exists())
+
     def test_repeatability_is_of_integrators_with_a_cache(self):
         for integrator in "path", "hash_cells":
             self.refuse("repeatability", "--integrator", integrator, says=["uses no cache", "irradiance_cache"])

@@ -206,6 +206,25 @@ class Render(Case):
             self.assertTrue(cost["deterministic"] and cost["overture"])
         self.assertEqual((len(pictures), len(records)), (1, 1))
 
+    def test_a_loaded_cache_spares_the_work(self):
+        for options in {"integrator": "irradiance_cache"}, {"integrator": "instant_caching", "vpls": 8}:
+            plain = small_render(threads=1, cache="packed_wait_free", out="a.exr", json="a.json", **options)
+            self.succeed(*plain, "--save-cache", "room.cache")
+            cold = self.load("a.json")
+            self.succeed(*plain, "--load-cache", "room.cache", "--save-cache", "again.cache")
+            warm = self.load("a.json")
+            self.assertGreater(cold["records"], 0)
+            self.assertEqual((warm["records_loaded"], warm["records"], warm["hits"]),
+                             (cold["records"], cold["records"], warm["queries"]))
+            size = (self.folder / "room.cache").stat().st_size
+            self.assertEqual(size, 160 + 44 * cold["records"])
+            self.assertEqual((self.folder / "again.cache").stat().st_size, size)
+        # Another picture of the same room, by another cache: with new records only where there were none.
+        self.succeed(*small_render(size="32x32", threads=2, cache="global_mutex", out="b.exr", json="b.json"),
+                     "--load-cache", "room.cache")
+        more = self.load("b.json")
+        self.assertEqual(more["records"], cold["records"] + more["queries"] - more["hits"])
+
     def test_one_thread_repeats_itself_and_the_seed_matters(self):
         def picture(seed):
             self.succeed(*small_render(threads=1, seed=seed, out="a.exr"))

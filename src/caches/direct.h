@@ -1,5 +1,5 @@
 // A structure used as it is, without any wrapper: `sequential` and `brute_force` (ordinary memory, one
-// thread), `node_lock` (locks of its own) and `wait_free` (atomics of its own).
+// thread), `node_lock` (locks of its own), `wait_free` (atomics of its own) and `tbb_hash_grid` (oneTBB's containers).
 //
 // Guarantees and costs are the structure's; see its header.
 #pragma once
@@ -61,6 +61,7 @@ class Direct {
   std::size_t memory_bytes() const {
     std::size_t bytes = sessions_.bytes() + fixed_bytes(structure_);
     sessions_.for_each([&](const State& s) { bytes += Structure::bytes(s.workspace); });
+    if constexpr (requires { structure_.memory_bytes(); }) bytes += structure_.memory_bytes();
     return bytes;
   }
 

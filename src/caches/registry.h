@@ -5,12 +5,14 @@
 // The build reads the names from the lines below to give each cache translation units of its own.
 #pragma once
 
+#include "caches/append_log.h"
 #include "caches/direct.h"
 #include "caches/linear_list.h"
 #include "caches/local_write.h"
 #include "caches/locked.h"
 #include "caches/null_cache.h"
 #include "caches/packed_octree.h"
+#include "caches/tbb_hash_grid.h"
 #include "caches/ward_tree.h"
 
 // clang-format off
@@ -33,7 +35,9 @@
   X(packed_spin_rw_mutex, PackedSpinRwMutex) \
   X(packed_local_write, PackedLocalWrite) \
   X(packed_wait_free, PackedWaitFree) \
-  X(packed_wait_free_snapshot, PackedWaitFreeSnapshot)
+  X(packed_wait_free_snapshot, PackedWaitFreeSnapshot) \
+  X(tbb_hash_grid, TbbHashGridCache) \
+  X(append_log, AppendLogCache)
 // clang-format on
 
 namespace icbench {
@@ -79,6 +83,11 @@ template <class Counters = NoCounters>
 using PackedWaitFree = Direct<Packed<StdSync>, Counters>;
 template <class Counters = NoCounters>
 using PackedWaitFreeSnapshot = Direct<Packed<StdSync, Snapshot>, Counters>;
+
+template <class Counters = NoCounters>
+using TbbHashGridCache = Direct<TbbHashGrid, Counters>;
+template <class Counters = NoCounters>
+using AppendLogCache = AppendLog<PlainPacked, StdSync, Counters>;
 
 #define ICBENCH_CHECK(id, Type)                                                            \
   static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache"); \

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "caches/cache_file.h"
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
@@ -18,6 +19,7 @@ namespace {
 
 struct RenderOptions : FrameOptions {
   std::string out = "render.exr", residual_out;
+  std::string load_cache, save_cache;
   std::uint32_t frame = 0;
   float residual = 0.0f;  ///< 0: not asked for
   bool is_unbiased = false;
@@ -40,6 +42,11 @@ void require_paths(const RenderOptions& o) {
         "--out '{}': an --unbiased picture has negative values, which a PNG cannot hold; use .exr", o.out));
   }
   require_writable("--out", o.out);
+  if (!o.save_cache.empty()) {
+    require_writable("--save-cache", o.save_cache);
+    if (o.save_cache == o.out || o.save_cache == o.residual_out)
+      throw std::runtime_error(fmt::format("--save-cache '{}' is a picture's file", o.save_cache));
+  }
   if (o.residual_out.empty()) return;
   if (extension_of(o.residual_out) != ".exr") {
     throw std::runtime_error(
@@ -93,6 +100,48 @@ std::string told(const ResidualFigures& f) {
                      f.all.error, of_mean);
 }
 
+/// What the records of a picture are of.
+CacheContent content_of(const RenderOptions& o, const Scene& scene) {
+  return {light_key(scene, o.frame), fmt::format("{}, frame {}", o.scene, o.frame)};
+}
+
+std::vector<Record> load_records(const RenderOptions& o, const Scene& scene) {
+  CacheFile file;
+  if (const Failure failed = file.open(o.load_cache)) throw std::runtime_error(*failed);
+  const CacheContent here = content_of(o, scene);
+  if (file.content().key != here.key || file.config().bounds.lower != scene.bounds.lower ||
+      file.config().bounds.upper != scene.bounds.upper) {
+    throw std::runtime_error(
+        fmt::format("--load-cache '{}' holds records of {}, not of {} as it is here; save one of this",
+                    o.load_cache, file.content().text.empty() ? "something else" : file.content().text,
+                    here.text.substr(0, kMostContentText)));
+  }
+  require_memory(fmt::format("a cache of {} records", file.records()), file.records() * sizeof(Record));
+  std::vector<Record> records;
+  records.reserve(static_cast<std::size_t>(file.records()));
+  if (const Failure failed = file.for_each_record([&](const Record& r) { records.push_back(r); }))
+    throw std::runtime_error(*failed);
+  return records;
+}
+
+void require_plain_records(const RenderOptions& o, const FrameRenderer& renderer) {
+  const std::string_view option = !o.load_cache.empty()   ? "--load-cache"
+                                  : !o.save_cache.empty() ? "--save-cache"
+                                                          : "";
+  if (option.empty() || renderer.keeps_plain_records()) return;
+  throw std::runtime_error(
+      fmt::format("{}: a file holds records that are all there is to them, as irradiance_cache and "
+                  "instant_caching make them without gradients and --leak-guard",
+                  option));
+}
+
+void save_records(const RenderOptions& o, const FrameRequest& request, const CacheContent& content,
+                  unsigned threads, const FrameRenderer& renderer) {
+  const Failure failed = save_records(o.save_cache, cache_config(request, threads), content,
+                                      [&](const auto& f) { renderer.for_each_record(f); });
+  if (failed) throw std::runtime_error(*failed);
+}
+
 void render_command(const RenderOptions& o) {
   require_paths(o);
   FrameSetup setup(o);
@@ -104,10 +153,13 @@ void render_command(const RenderOptions& o) {
     throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", o.frame,
                                          o.scene, frames, frames == 1 ? "" : "s"));
   }
+  const CacheContent content = content_of(o, setup.rays().scene());
+  if (!o.load_cache.empty()) setup.request().records = load_records(o, setup.rays().scene());
   // Never finished, only wiped: the last line is the one on standard output, once everything is written.
   Progress progress("render", frame_work(setup.request()));
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());
+  require_plain_records(o, renderer);
   const FrameCost cost = renderer.render(o.frame);
   Image picture = renderer.picture();
   if (o.is_unbiased) renderer.add_residual(picture);
@@ -117,10 +169,12 @@ void render_command(const RenderOptions& o) {
     renderer.add_residual(layer);
     write_image(o.residual_out, layer, {ExrSample::float_bits, 1.0f, true});
   }
+  if (!o.save_cache.empty()) save_records(o, setup.request(), content, cost.threads, renderer);
   const IntegratorEntry& integrator = setup.request().integrator;
   nlohmann::ordered_json json = setup.asked();
   json["frame"] = o.frame;
   add_cost(json, integrator, cost);
+  if (!o.load_cache.empty()) json["records_loaded"] = cost.records_taken;
   if (cost.residual) add_residual(json, o, cost);
   json["image"] = std::filesystem::path(o.out).filename().string();
   if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
@@ -140,6 +194,12 @@ void add_render(CLI::App& app) {
   add_whole(render, "--frame", o->frame, 0u, 1u << 24, "Frame of an animated scene, counted from 0");
   render->add_option("--out", o->out, "Picture: .exr (exact) or .png (for viewing)")
       ->capture_default_str()
+      ->type_name("FILE");
+  render
+      ->add_option("--load-cache", o->load_cache,
+                   "Begin with the records of this file: of the same scene and\nframe, from any camera")
+      ->type_name("FILE");
+  render->add_option("--save-cache", o->save_cache, "Keep the records that were made, for --load-cache")
       ->type_name("FILE");
   add_positive(render, "--residual", o->residual, 1.0f,
                "Also path trace this share of the pixels, chosen at random, to\nmeasure the bias of the "

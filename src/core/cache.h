@@ -12,6 +12,7 @@
 // synchronisation of its own, that no session operation is in flight.
 #pragma once
 
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
@@ -75,8 +76,9 @@ struct CacheTraits {
   ProgressGuarantee insert;
   ProgressGuarantee query;
   Consistency consistency;
-  bool single_thread;       ///< at most one session
-  std::string_view source;  ///< publication, or "this project"
+  bool single_thread;             ///< at most one session
+  std::string_view source;        ///< publication, or "this project"
+  bool waits_in_library = false;  ///< what blocks is a library's container, which no check can stop half way
 };
 
 struct CacheConfig {
@@ -108,8 +110,9 @@ inline const char* config_error(const CacheConfig& c) noexcept {
   if (!is_finite(c.bounds.lower) || !is_finite(c.bounds.upper)) return "cache bounds must be finite";
   if (!c.bounds.contains(c.bounds.lower)) return "cache bounds: lower must not exceed upper in any axis";
   if (!is_finite(c.bounds.upper - c.bounds.lower)) return "cache bounds are too large for single precision";
-  if (!(c.a >= kMinAccuracy) || !(c.a <= c.a_max)) return "cache accuracy a must lie in [0.002, a_max]";
-  if (!(c.a_max <= 10.0f)) return "cache accuracy a_max must not exceed 10";
+  if (!std::isgreaterequal(c.a, kMinAccuracy) || !std::islessequal(c.a, c.a_max))
+    return "cache accuracy a must lie in [0.002, a_max]";
+  if (!std::islessequal(c.a_max, 10.0f)) return "cache accuracy a_max must not exceed 10";
   if (c.capacity == 0 || c.capacity > kMaxCapacity) return "cache capacity must lie in [1, 67108864] records";
   if (c.max_sessions == 0 || c.max_sessions > kMaxSessions) return "cache max_sessions must lie in [1, 8192]";
   return nullptr;

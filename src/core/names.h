@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <numeric>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "core/setup_error.h"
 
 namespace icbench {
 
@@ -57,8 +58,7 @@ inline std::string unknown_name(std::string_view kind, std::string_view word,
   return line;
 }
 
-/// The entry of that name in a table of entries with a `name`. Throws std::runtime_error with the line above if there
-/// is none.
+/// The entry of that name in a table of entries with a `name`. Fails at set-up with the line above if there is none.
 template <class Table>
 const auto& find_named(std::string_view kind, std::string_view name, const Table& table) {
   std::vector<std::string_view> known;
@@ -66,7 +66,7 @@ const auto& find_named(std::string_view kind, std::string_view name, const Table
     if (entry.name == name) return entry;
     known.push_back(entry.name);
   }
-  throw std::runtime_error(unknown_name(kind, name, known));
+  fail_setup(unknown_name(kind, name, known).c_str());
 }
 
 }  // namespace icbench

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 
 #include "image/image.h"
 #include "render/crew.h"
@@ -55,6 +56,11 @@ class IndirectPass {
 
   /// Quiescent: finishes what the tiles of a sample began.
   virtual void end_sample(const PrimaryHits&, Image& /*out*/) {}
+
+  /// Whether it keeps records that can be taken to another pass, and back (RecordSource::makes_plain_records).
+  virtual bool keeps_plain_records() const noexcept { return false; }
+  /// Takes such records, of the frame that was begun, and returns how many it kept. Quiescent, before the first sample.
+  virtual std::uint64_t take_records(std::span<const Record> /*records*/) { return 0; }
 
   /// Calls f for every record it keeps. Quiescent.
   virtual void for_each_record(const std::function<void(const Record&)>& /*f*/) const {}

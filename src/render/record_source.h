@@ -73,6 +73,9 @@ class RecordSource {
   /// The cache did not take one of them. Quiescent.
   virtual void refused(const Record& record);
 
+  /// Whether a record says all there is to it, so that one that was made before, elsewhere, is as good as a new one.
+  virtual bool makes_plain_records() noexcept { return shapes() == nullptr; }
+
   /// What the records carry beside the cache, if queries are to extrapolate by it; else null. Always the same.
   virtual RecordShapes* shapes() noexcept { return nullptr; }
 

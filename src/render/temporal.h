@@ -63,6 +63,7 @@ class TemporalSource final : public RecordSource {
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
   RecordShapes* shapes() noexcept override { return shapes_.get(); }
+  bool makes_plain_records() noexcept override { return false; }
   bool wants_use() const noexcept override { return sweeping_; }
   void used(const Record& record) noexcept override;
   void report(PassFigures& figures) const noexcept override;

@@ -3,12 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <type_traits>
+
+#include "core/random.h"
 
 namespace icbench {
 namespace {
@@ -22,6 +26,28 @@ constexpr double kSmallest = 1e-12;
 [[noreturn]] void fail(const Scene& scene, const std::string& what) {
   throw std::runtime_error(fmt::format("scene '{}': {}", scene.name, what));
 }
+
+/// Hashes numbers, one after the other.
+class Hash {
+ public:
+  template <class T>
+  void add(const T& value) noexcept {
+    if constexpr (std::is_floating_point_v<T>) {
+      state_ = mix64(state_ ^ std::bit_cast<std::uint32_t>(value));
+    } else if constexpr (requires { value.x; }) {
+      for (glm::length_t i = 0; i < value.length(); ++i) add(value[i]);
+    } else if constexpr (requires { value.size(); }) {
+      add(std::uint64_t{value.size()});
+      for (const auto& item : value) add(item);
+    } else {
+      state_ = mix64(state_ ^ static_cast<std::uint64_t>(value));
+    }
+  }
+  std::uint64_t value() const noexcept { return state_; }
+
+ private:
+  std::uint64_t state_ = 0;
+};
 
 void check_material(const Scene& scene, std::size_t i) {
   const Material& m = scene.materials[i];
@@ -246,6 +272,18 @@ void prepare(Scene& scene) {
   const glm::vec3 pad(scene_epsilon(reach));
   scene.bounds = {bounds.lower - pad, bounds.upper + pad};
   scene.lights = LightTable(scene, 0.0f);
+}
+
+std::uint64_t light_key(const Scene& scene, std::uint32_t frame) {
+  Hash hash;
+  const auto add = [&hash](const auto&... values) { (hash.add(values), ...); };
+  add(scene.name, frame, scene.materials.size(), scene.meshes.size(), scene.point_lights.size());
+  for (const Material& m : scene.materials) add(m.albedo, m.emission, m.surface, m.ior, m.texture);
+  for (const Mesh& m : scene.meshes)
+    add(m.positions, m.normals, m.triangles, m.material, m.uvs, m.moves(), m.instance_of);
+  for (const PointLight& l : scene.point_lights) add(l.p, l.intensity, l.axis, l.cos_inner, l.cos_outer);
+  for (const Texture& t : scene.textures) add(t.width, t.height, t.texels);
+  return hash.value();
 }
 
 }  // namespace icbench

@@ -1,6 +1,7 @@
 // The pass through a cache, for any source of records. Instantiated once per cache, in a translation unit of its own.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -81,6 +82,13 @@ class CachedPass final : public IndirectPass, private WaveCache {
     cache_.end_frame();
   }
 
+  bool keeps_plain_records() const noexcept override { return source_->makes_plain_records(); }
+
+  std::uint64_t take_records(std::span<const Record> records) override {
+    const std::vector<InsertResult> results = insert_all(records);
+    return static_cast<std::uint64_t>(std::count(results.begin(), results.end(), InsertResult::inserted));
+  }
+
   void for_each_record(const std::function<void(const Record&)>& f) const override {
     cache_.for_each_record(f);
   }
@@ -105,15 +113,20 @@ class CachedPass final : public IndirectPass, private WaveCache {
   }
 
  private:
-  void insert_again() {
-    const std::span<const Record> records = source_->to_insert();
-    if (records.empty()) return;
+  std::vector<InsertResult> insert_all(std::span<const Record> records) {
     std::vector<InsertResult> results(records.size());
     cache_.begin_frame();
     crew_.for_each(records.size(), 64, [&](unsigned t, Tracer&, std::size_t i) {
       results[i] = workers_[t]->session.insert(records[i]);
     });
     cache_.end_frame();
+    return results;
+  }
+
+  void insert_again() {
+    const std::span<const Record> records = source_->to_insert();
+    if (records.empty()) return;
+    const std::vector<InsertResult> results = insert_all(records);
     for (std::size_t i = 0; i < records.size(); ++i)
       if (results[i] != InsertResult::inserted) source_->refused(records[i]);
   }

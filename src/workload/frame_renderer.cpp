@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "workload/cached_pass.h"
 
@@ -12,12 +13,8 @@ std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
   const PassSetup setup{r.rays,          crew,   r.width,     r.height, r.gather,    r.vpls, r.a,
                         r.interpolation, r.seed, r.cell_size, r.paths,  r.leak_guard};
   if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
-  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
   CachedPassSetup cached;
-  cached.cache.bounds = r.rays.scene().bounds;
-  cached.cache.a_max = cached.cache.a = search_reach(r.interpolation) * r.a;
-  cached.cache.max_sessions = crew.size();
-  cached.cache.capacity = capacity_for(2 * pixels, crew.size());
+  cached.cache = cache_config(r, crew.size());
   cached.deterministic = r.deterministic ? &r.rays : nullptr;
   cached.overture = r.overture;
   return r.cache.pass(cached, r.integrator.source(setup), crew);
@@ -35,6 +32,16 @@ double timed(F&& f) {
 }
 
 }  // namespace
+
+CacheConfig cache_config(const FrameRequest& r, unsigned threads) {
+  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
+  CacheConfig config;
+  config.bounds = r.rays.scene().bounds;
+  config.a_max = config.a = search_reach(r.interpolation) * r.a;
+  config.max_sessions = threads;
+  config.capacity = capacity_for(2 * pixels + r.records.size(), threads);
+  return config;
+}
 
 std::uint64_t frame_bytes(const FrameRequest& r) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
@@ -62,7 +69,10 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
   SceneChange change;
   const RayCounts rays_before = crew_.rays();
   cost.seconds = timed([&] { change = r.rays.go_to(static_cast<float>(frame)); });
-  cost.seconds_indirect = timed([&] { pass_->begin_frame(change); });
+  cost.seconds_indirect = timed([&] {
+    pass_->begin_frame(change);
+    if (!r.records.empty()) cost.records_taken = pass_->take_records(std::exchange(request_.records, {}));
+  });
 
   const Lens lens = r.spp == 1 ? Lens::centre : Lens::jittered;
   const CameraView view(r.rays.scene().camera, r.width, r.height);

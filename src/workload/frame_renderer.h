@@ -39,7 +39,12 @@ struct FrameRequest {
   bool leak_guard = false;      ///< irradiance_cache: against leaks through thin walls
   float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
   bool keeps_residual = false;  ///< its layer, too
+  std::vector<Record>
+      records{};  ///< made before, for the frame that is rendered first: in the cache from the beginning
 };
+
+/// The cache that a request is met with, for a crew of that size.
+CacheConfig cache_config(const FrameRequest& request, unsigned threads);
 
 /// What a frame cost.
 struct FrameCost {
@@ -51,6 +56,7 @@ struct FrameCost {
   std::optional<ResidualFigures> residual;  ///< if it was asked for; its cost is not in the above
   double seconds_residual = 0.0;            ///< wall time
   RayCounts rays_residual;
+  std::uint64_t records_taken = 0;  ///< of FrameRequest::records
 };
 
 class FrameRenderer {
@@ -62,6 +68,8 @@ class FrameRenderer {
   const Image& picture() const noexcept { return picture_; }
   /// What the integrator's own pass brought to the frame's last sample.
   const Image& indirect() const noexcept { return indirect_; }
+  /// Whether the integrator's records can be kept in a file (IndirectPass::keeps_plain_records).
+  bool keeps_plain_records() const noexcept { return pass_->keeps_plain_records(); }
   /// Calls f for every record that the integrator keeps.
   void for_each_record(const std::function<void(const Record&)>& f) const { pass_->for_each_record(f); }
   /// Adds the signed layer that makes the frame's picture unbiased, if it was to be kept.

@@ -338,6 +338,8 @@ class ProgressCheck {
 
   std::string note(const Account& a, ProgressGuarantee guarantee) const {
     if (sessions_ == 1) return "one thread: there are no others";
+    if (guarantee == ProgressGuarantee::blocking && subject_.traits.waits_in_library)
+      return "blocks, where it does, in a library whose steps cannot be stopped or counted";
     std::string line = a.blocking_stops == 0
                            ? fmt::format("hinders nobody when stopped in any of {} places", a.stops)
                            : fmt::format("blocks others when stopped in {} of {} places, first after step {}",

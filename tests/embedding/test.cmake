@@ -1,0 +1,18 @@
+# cmake -D SOURCE=.. -D BINARY=.. -D GENERATOR=.. -D COMPILER=.. -D LAUNCHER=.. -P test.cmake: what somebody does who
+# embeds the caches. Configures the library alone, builds and installs it, builds a renderer against what was installed,
+# runs it.
+set(options -G ${GENERATOR} -D CMAKE_CXX_COMPILER=${COMPILER} "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}"
+            -D CMAKE_BUILD_TYPE=Release)
+function(run)
+  execute_process(COMMAND ${ARGN} COMMAND_ERROR_IS_FATAL ANY)
+endfunction()
+
+file(REMOVE_RECURSE ${BINARY}/installed)
+run(${CMAKE_COMMAND} -S ${SOURCE} -B ${BINARY}/library ${options} -D ICBENCH_LIBRARY_ONLY=ON
+    -D CMAKE_INSTALL_PREFIX=${BINARY}/installed)
+run(${CMAKE_COMMAND} --build ${BINARY}/library)
+run(${CMAKE_COMMAND} --install ${BINARY}/library)
+run(${CMAKE_COMMAND} -S ${SOURCE}/tests/embedding -B ${BINARY}/renderer ${options}
+    -D CMAKE_PREFIX_PATH=${BINARY}/installed)
+run(${CMAKE_COMMAND} --build ${BINARY}/renderer)
+run(${BINARY}/renderer/renderer ${BINARY}/room.cache)
