@@ -325,7 +325,9 @@ class Packed {
   }
 
   /// Bytes that the structure has whatever is in it.
-  std::size_t fixed_bytes() const noexcept { return dense_entries() * kEntryBytes; }
+  std::size_t fixed_bytes() const noexcept {
+    return dense_entries() * kEntryBytes + (top_level() == 0 ? kBrickBytes : 0);
+  }
 
   /// Bytes that `workspace` has allocated.
   static std::size_t bytes(const Workspace& workspace) noexcept {
@@ -417,8 +419,12 @@ class Packed {
   /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
   static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
 
-  /// An empty grid. Quiescent.
-  void plant() noexcept { grid_.take(dense_entries()); }
+  /// An empty grid; one that is a single brick has it from the start. Quiescent.
+  void plant() noexcept {
+    grid_.take(dense_entries());
+    if (top_level() != 0) return;
+    dense_entry(0, {}).branch.node.store(bricks_.take(1), std::memory_order_relaxed);
+  }
 
   /// The entry of the cell of `level` that holds u. Above the bricks' levels.
   Entry& dense_entry(int level, const GridPoint& u) const noexcept {
