@@ -112,10 +112,11 @@ float RecordShaper::shape_of_vpls(float R, const Irradiance& E, const Irradiance
   return detail.R;
 }
 
-float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance& E,
+float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float mean, const Irradiance& E,
                             RecordDetail& detail) const noexcept {
   const float least = kLeastReach * a_ * diagonal_;
-  const float most = kMostReach * diagonal_;
+  const float most = std::max(least, std::min(kMostReach * diagonal_, kMostPixels * pixel_of_unit_distance_ *
+                                                                          glm::distance(p, eye_)));
   const float near = 0.1f * least;
   float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
   detail.major = seen.basis.s;
@@ -125,10 +126,9 @@ float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance
     const float brightness = luminance(E);
     const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness : glm::mat2(0.0f));
     const float scale = kHessianScale * diagonal_ * diagonal_;
-    const float slow = a_ * change_length(E, detail.gradients);
     const auto reach = [&](float lambda) {
       const float r = lambda > 0.0f ? a_ * std::pow(scale / lambda, 0.25f) : most;
-      return std::clamp(std::min(r, slow), least, most);
+      return std::clamp(r, least, most);
     };
     small_reach = reach(e.large);
     large_reach = std::min(reach(e.small), kMostStretch * small_reach);
