@@ -22,9 +22,9 @@
 // Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
 // lambda a record is valid to the distance r = a (kHessianScale D^2 E / |lambda|)^(1/4), where D is the scene's
 // diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012). Limits: the smaller axis
-// is at least half the larger; r is at least a hundredth of a D, at most a fifth of D, and at most kMostPixels as
-// projected to the screen: what is about to come into sight has no derivative yet. Gradients do not limit r, since what
-// they tell is what is extrapolated. The normal may turn as far as the split-sphere error allows.
+// is at least half the larger; r is at least a hundredth of a D and at most a fifth of D; by geometry alone at most a E /
+// |gradient|, with occlusion at most kMostPixels as projected to the screen. The normal may turn as far as the
+// split-sphere error allows.
 #pragma once
 
 #include <algorithm>
