@@ -2,15 +2,20 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <functional>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <glm/vec2.hpp>
 #include <limits>
 #include <numbers>
+#include <string>
 
 #include "core/random.h"
+#include "judged_estimates.h"
 #include "lambert.h"
 #include "render/hemisphere.h"
+#include "scene/registry.h"
 
 namespace icbench {
 namespace {
@@ -112,6 +117,168 @@ TEST(RenderHemisphere, OcclusionHessian) {
     EXPECT_NEAR(H[0][1], exact[0][1], 0.15 * size);
     EXPECT_NEAR(H[0][1], H[1][0], 1e-4 * size);
   }
+}
+
+// Rooms whose irradiance is known everywhere: its derivatives, by finite differences, against those of one gather.
+
+// Irradiance in closed form at p, facing n.
+using Field = std::function<double(const Vec& p, const Vec& n)>;
+
+// Of green light along the axes of a basis: as the point moves and as its normal turns, and the Hessian.
+struct Derivatives {
+  glm::dvec2 translational, rotational;
+  glm::dmat2 second;
+};
+
+Derivatives of_closed_form(const Field& E, const Hit& at) {
+  const Basis basis(at.n);
+  const Vec p(at.p), n(at.n);
+  const Vec axes[] = {Vec(basis.s), Vec(basis.t)};
+  Derivatives out;
+  const double h = 1e-3;
+  for (int i = 0; i < 2; ++i) {
+    out.translational[i] = (E(p + h * axes[i], n) - E(p - h * axes[i], n)) / (2 * h);
+    const Vec turn = h * glm::cross(axes[i], n);
+    out.rotational[i] = (E(p, glm::normalize(n + turn)) - E(p, glm::normalize(n - turn))) / (2 * h);
+    for (int k = 0; k < 2; ++k)
+      out.second[i][k] = (E(p + h * (axes[i] + axes[k]), n) - E(p + h * (axes[i] - axes[k]), n) -
+                          E(p - h * (axes[i] - axes[k]), n) + E(p - h * (axes[i] + axes[k]), n)) /
+                         (4 * h * h);
+  }
+  return out;
+}
+
+Derivatives of_gather(const Hemisphere& seen) {
+  const IrradianceGradients g = gradients_of(seen, 1e-4f);
+  return {{glm::dot(g.translational[1], seen.basis.s), glm::dot(g.translational[1], seen.basis.t)},
+          {glm::dot(g.rotational[1], seen.basis.s), glm::dot(g.rotational[1], seen.basis.t)},
+          glm::dmat2(occlusion_hessian(seen, 1e-4f))};
+}
+
+double size_of(const glm::dmat2& m) { return std::hypot(m[0][0], m[1][1], m[0][1]); }
+
+// Shares of the exact.
+struct Misses {
+  double translational, rotational, second;
+};
+
+Misses misses(const std::string& name, const Derivatives& found, const Derivatives& exact) {
+  const auto share = [](const glm::dvec2& a, const glm::dvec2& b) {
+    return glm::length(a - b) / glm::length(b);
+  };
+  const Misses off{share(found.translational, exact.translational), share(found.rotational, exact.rotational),
+                   size_of(found.second - exact.second) / size_of(exact.second)};
+  std::printf("%-24s off by %.3f (moved), %.3f (turned), %.3f (Hessian)\n", name.c_str(), off.translational,
+              off.rotational, off.second);
+  return off;
+}
+
+// A hemisphere in which L(hit) comes from what each ray meets first.
+template <class L>
+Hemisphere seen_at(const RayTracer& rays, const Hit& at, Strata strata, L&& radiance) {
+  Hemisphere out;
+  out.strata = strata;
+  out.basis = Basis(at.n);
+  Tracer tracer(rays);
+  Pcg32 random(7);
+  for (std::uint32_t m = 0; m < strata.elevations; ++m)
+    for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
+      const float u = (static_cast<float>(m) + random.uniform()) / static_cast<float>(strata.elevations);
+      const float v = (static_cast<float>(n) + random.uniform()) / static_cast<float>(strata.azimuths);
+      const glm::vec3 d = cosine_direction(out.basis, std::min(u, 0.9999f), v);
+      const Hit hit = tracer.intersect(Ray{rays.leave(at.p, at.ng), kInfinity, d});
+      out.samples.push_back({d, hit.t, hit.missed() ? glm::vec3(0.0f) : radiance(hit), hit.ng});
+    }
+  return out;
+}
+
+TEST(DerivativesInRooms, OverAPlate) {
+  const RayTracer rays(lit_plate());
+  Tracer tracer(rays);
+  const Field E = [](const Vec& p, const Vec& n) {
+    return lambert(p, n, rectangle(-1, 1, 0, -1, 1), kPlateL);
+  };
+  Hemisphere seen;
+  const Known points[] = {above_plate({0.3f, 0.7f, 0.2f}, {0, -1, 0}),  // parallel
+                          above_plate({0.5f, 0.6f, -0.5f}, {-1, -4, 0.5f})};
+  for (const Known& x : points) {
+    EXPECT_NEAR(gather(tracer, x.at, kFine, 5, seen).E.y / x.E, 1.0, 0.005);
+    const Misses off = misses("plate", of_gather(seen), of_closed_form(E, x.at));
+    EXPECT_LT(off.translational, 0.03);
+    EXPECT_LT(off.rotational, 0.02);
+    EXPECT_LT(off.second, 0.1);
+  }
+}
+
+// Round things are harder: cells at the edge see the body nearer than it is where it ends from sight, and that place
+// moves over the body, which fixed corners know nothing of. The first error vanishes as cells shrink, the second stays.
+TEST(DerivativesInRooms, UnderASphere) {
+  const RayTracer rays(make_scene("sphere_light"));
+  const Field E = [](const Vec& p, const Vec& n) {
+    const Vec d = Vec(0, 1, 0) - p;
+    return kPi * 10.0 * 0.4 * 0.4 * glm::dot(n, d) / std::pow(glm::length(d), 3);
+  };
+  for (const glm::vec3 p : {glm::vec3(0.2f, 0, 0), glm::vec3(-0.5f, 0, 0.6f)}) {
+    const Hit at = facing(p, {0, 1, 0});
+    const auto off = [&](Strata strata) {
+      const auto emitted = [&](const Hit& hit) { return rays.material(hit).emission; };
+      return misses("sphere", of_gather(seen_at(rays, at, strata, emitted)), of_closed_form(E, at));
+    };
+    const Misses coarse = off(kFine), fine = off({288, 900});
+    EXPECT_LT(fine.translational, 0.08);
+    EXPECT_LT(fine.translational, 0.75 * coarse.translational);
+    EXPECT_LT(fine.rotational, 0.02);
+    EXPECT_LT(fine.second, 0.6);
+  }
+}
+
+// All is equally bright, near and far, before edges and behind: nothing changes, but for the noise of paths.
+TEST(DerivativesInRooms, InAFurnaceAreNone) {
+  const RayTracer rays(make_scene("white_furnace"));
+  Tracer tracer(rays);
+  const Hit at = primary_hits(rays, 3, 3).hits[4];
+  Estimate first[4], second[3];
+  Hemisphere seen;
+  for (std::uint64_t seed = 0; seed < 100; ++seed) {
+    gather(tracer, at, Strata{16, 50}, seed, seen);
+    const Derivatives d = of_gather(seen);
+    for (int i = 0; i < 2; ++i) {
+      first[i].add(d.translational[i]);
+      first[2 + i].add(d.rotational[i]);
+      second[i].add(d.second[i][i]);
+    }
+    second[2].add(d.second[0][1]);
+  }
+  for (const Estimate& e : first) {
+    EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
+    EXPECT_LE(e.error(), 0.03 * kPi * kRho) << "too few samples to say anything";  // per metre, per radian
+  }
+  for (const Estimate& e : second) {
+    EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
+    EXPECT_LE(e.error(), 0.15 * kPi * kRho) << "too few samples to say anything";  // per square metre
+  }
+}
+
+// Along the wall of a sphere irradiance is the same: what moving adds, turning with the wall takes away.
+TEST(DerivativesInRooms, AlongAnIntegratingSphereCancel) {
+  const RayTracer rays(make_scene("integrating_sphere"));
+  Tracer tracer(rays);
+  const glm::vec3 down = glm::normalize(glm::vec3(0.36f, -0.8f, 0.48f));
+  Hit at = tracer.intersect(Ray{glm::vec3(0.0f), kInfinity, down});
+  at.n = -down;                                 // the sphere's, not the triangle's
+  const auto reflected = [&](const Hit& hit) {  // rho / pi (I cos / d^2 + E)
+    const glm::vec3 d = glm::vec3(0.3f, 0.4f, -0.2f) - hit.p;
+    const float d2 = glm::dot(d, d);
+    return glm::vec3(static_cast<float>(0.5 / kPi) *
+                     (2.0f * glm::dot(hit.ng, d) / (d2 * std::sqrt(d2)) + 2.0f));
+  };
+  const Derivatives d = of_gather(seen_at(rays, at, kFine, reflected));
+  // Going by ds along s turns the normal by -ds / R about t; along t, by ds / R about s.
+  const glm::dvec2 turned(d.rotational.y, -d.rotational.x);
+  std::printf("integrating sphere: %.4f %.4f W/m^3 moved, %.4f %.4f turned\n", d.translational.x,
+              d.translational.y, turned.x, turned.y);
+  EXPECT_GT(glm::length(turned), 0.1 * 2.0) << "there is nothing to cancel";
+  EXPECT_LT(glm::length(d.translational - turned), 0.05 * glm::length(turned));
 }
 
 // Geometry alone cannot know that a plane of one brightness looks the same from everywhere.

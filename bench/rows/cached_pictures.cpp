@@ -1,9 +1,11 @@
 #include "rows/cached_pictures.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -130,37 +132,79 @@ double between(double x, double x0, double y0, double x1, double y1) {
   return y0 * std::pow(y1 / y0, t);
 }
 
+// At so many rays a record that both are judged by where their records lie: with 1,024 rays the noise of the records is
+// up to twice the error of interpolation, the same in both, and hides what is asked for. In irradiance, which is what is
+// interpolated: radiance would count it by how white the surface is.
 class RecordsAtEqualError : public Judged {
  public:
-  using Judged::Judged;
+  RecordsAtEqualError(const Machine& machine, std::string_view scene)
+      : Judged(machine, scene), truth_(irradiance(reference_.indirect)) {
+    // Of two independent pictures of n and n / 4 samples the mean square of the difference is five times that of the
+    // first one's error.
+    const Reference other =
+        make_reference(stage_.rays(), primary_, kReferenceSpp / 4, hash_keys(machine.seed, 3));
+    own_square_ = square_of_difference(irradiance(other.indirect)) / 5.0;
+  }
 
   Sample sample() override {
     const std::uint64_t seed = next_seed();
-    const Picture split = cached(seed, Interpolation::split_sphere, 0.2f);
-    const double wanted = rmse_of(split), records = static_cast<double>(split.records);
-    double error_before = 0.0, records_before = 0.0;
-    for (const float a : {1.0f, 0.7f, 0.5f, 0.35f, 0.25f, 0.18f, 0.13f}) {
-      const Picture p = cached(seed, Interpolation::occlusion_hessian, a);
-      const double error = rmse_of(p), now = static_cast<double>(p.records);
-      if (error <= wanted) {
-        // Where the coarsest is good enough, fewer might have been.
-        const bool is_coarsest = records_before == 0.0;
-        return {(is_coarsest ? now : between(wanted, error_before, records_before, error, now)) / records};
-      }
-      error_before = error;
-      records_before = now;
+    const Made split = cached(seed, Interpolation::split_sphere, 0.2f);
+    // Accuracies on both sides of the wanted error; the last sample's are tried first.
+    std::map<std::size_t, Made> made;
+    const auto at = [&](std::size_t i) -> const Made& {
+      auto found = made.find(i);
+      if (found == made.end())
+        found = made.emplace(i, cached(seed, Interpolation::occlusion_hessian, kAccuracies[i])).first;
+      return found->second;
+    };
+    while (fine_ + 1 < kAccuracies.size() && at(fine_).error > split.error) ++fine_;
+    while (fine_ > 0 && at(fine_ - 1).error <= split.error) --fine_;
+    double records = at(fine_).records;
+    // Where the coarsest is good enough, fewer might have been; where the finest is not, more would have been needed.
+    if (fine_ > 0 && at(fine_).error <= split.error) {
+      const Made &coarse = at(fine_ - 1), &fine = at(fine_);
+      records = between(split.error, coarse.error, coarse.records, fine.error, fine.records);
     }
-    return {records_before / records};  // not even these were enough
+    return {records / split.records};
   }
 
  private:
-  Picture cached(std::uint64_t seed, Interpolation level, float a) {
+  static constexpr std::array kAccuracies{1.0f, 0.7f, 0.5f, 0.35f, 0.25f, 0.18f, 0.13f, 0.09f};
+
+  struct Made {
+    double records, error;
+  };
+
+  Made cached(std::uint64_t seed, Interpolation level, float a) {
     FrameRequest r = request(irradiance_cache(), seed);
-    r.gather = 1024;
+    r.gather = 4096;
     r.interpolation = level;
     r.a = a;
-    return render(r);
+    const Picture p = render(r);
+    const double square = square_of_difference(irradiance(p.indirect)) - own_square_;
+    return {static_cast<double>(p.records), std::sqrt(std::max(0.0, square))};
   }
+
+  // Of the radiance that a diffuse surface reflects; 0 where it reflects nothing.
+  Image irradiance(const Image& reflected) const {
+    Image out = reflected;
+    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+      const Hit& hit = primary_.hits[i];
+      const glm::vec3 albedo = reflects(stage_.rays(), hit) ? stage_.rays().albedo(hit) : glm::vec3(0.0f);
+      for (int c = 0; c < 3; ++c)
+        out.pixels[i][c] = albedo[c] > 0.0f ? std::numbers::pi_v<float> / albedo[c] * out.pixels[i][c] : 0.0f;
+    }
+    return out;
+  }
+  double square_of_difference(const Image& image) const {
+    const double error = rmse(truth_, image, nullptr).front().value;
+    return error * error;
+  }
+
+  Image truth_;
+  double own_square_ = 0.0;  // mean square of its own error
+  std::size_t fine_ =
+      kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
 };
 
 class ErrorAtEqualTime : public Judged {
@@ -175,6 +219,12 @@ class ErrorAtEqualTime : public Judged {
     const Picture path = render(traced);
     const double limit = path.seconds, error = relmse_of(path);
     double best = std::numeric_limits<double>::infinity();
+    // The next has four times the rays or lights: it is left out where this one already took too long by far.
+    const auto try_next = [&](const FrameRequest& r) {
+      const Picture p = render(r);
+      if (p.seconds <= limit) best = std::min(best, relmse_of(p));
+      return p.seconds <= 2.0 * limit;
+    };
     for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian})
       for (const float a : {0.6f, 0.4f, 0.2f})
         for (const std::uint32_t rays : {64u, 256u, 1024u, 4096u}) {
@@ -182,26 +232,20 @@ class ErrorAtEqualTime : public Judged {
           r.gather = rays;
           r.a = a;
           r.interpolation = level;
-          consider(r, limit, best);
+          if (!try_next(r)) break;
         }
     for (const float a : {0.4f, 0.2f})
       for (const std::uint32_t vpls : {256u, 1024u, 4096u, 16384u}) {
         FrameRequest r = request(find_integrator("instant_caching"), seed);
         r.vpls = vpls;
         r.a = a;
-        consider(r, limit, best);
+        if (!try_next(r)) break;
       }
     if (!std::isfinite(best)) return {0.0, "no cached picture was as fast"};
     return {best / error};
   }
 
  private:
-  // Dearer settings than one that took too long are measured all the same: time depends on rays and records both.
-  void consider(const FrameRequest& r, double limit, double& best) {
-    const Picture p = render(r);
-    if (p.seconds <= limit) best = std::min(best, relmse_of(p));
-  }
-
   std::uint32_t spp_;
 };
 
@@ -209,12 +253,18 @@ class MeanOff : public Judged {
  public:
   MeanOff(const Machine& machine, std::string_view scene) : Judged(machine, scene), scene_(scene) {}
 
+  // Over several seeds: what the noise of records adds to one and takes from another is not amiss.
   Sample sample() override {
-    FrameRequest r = request(irradiance_cache(), next_seed());
-    r.gather = 1024;
-    r.a = own_accuracy(scene_);
-    const Picture p = render(r);
-    return {std::fabs(mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0)};
+    constexpr int kPictures = 4;
+    double off = 0.0;
+    for (int i = 0; i < kPictures; ++i) {
+      FrameRequest r = request(irradiance_cache(), next_seed());
+      r.gather = 1024;
+      r.a = std::min(own_accuracy(scene_), kMeanAccuracy);
+      const Picture p = render(r);
+      off += (mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0) / kPictures;
+    }
+    return {std::fabs(off)};
   }
 
  private:
@@ -249,7 +299,7 @@ class FurnaceMean : public Experiment {
     constexpr double kTruth = 0.25;  // albedo^2
     FrameRequest r =
         stage_.request(irradiance_cache(), hash_keys(seed_, count_++), kJudgedWidth, kJudgedHeight);
-    r.gather = 4096;
+    r.gather = 16384;  // so that a few pictures tell a tenth of a per cent
     FrameRenderer renderer(r);
     renderer.render(0);
     double sum = 0.0;

@@ -175,7 +175,8 @@ void add_pictures(std::vector<Row>& rows) {
   }
   for (const std::string_view scene : kDiffuseScenes) {
     add(fmt::format("records_{}", scene),
-        fmt::format("records of {} for the same root-mean-square error: occlusion Hessian / split sphere",
+        fmt::format("records of {} for the same root-mean-square error of irradiance: occlusion Hessian / "
+                    "split sphere",
                     scene),
         0.5, [scene](const Machine& machine) { return records_at_equal_error(machine, scene); });
     for (const std::uint32_t spp : {16u, 64u}) {
@@ -191,7 +192,9 @@ void add_pictures(std::vector<Row>& rows) {
   for (const Setting& setting : judged_scenes()) {
     const std::string_view scene = setting.scene;
     add(fmt::format("mean_off_{}", scene),
-        fmt::format("mean of cached {} against path tracing at equal hits: the difference as a share", scene),
+        fmt::format("mean of cached {}, accuracy {} or finer, against path tracing at equal hits: the "
+                    "difference as a share",
+                    scene, kMeanAccuracy),
         0.005, [scene](const Machine& machine) { return mean_off(machine, scene); });
   }
   constexpr std::string_view kFurnace = "mean of the cached white furnace / the truth";

@@ -112,20 +112,24 @@ float RecordShaper::shape_of_vpls(float R, const Irradiance& E, const Irradiance
   return detail.R;
 }
 
-float RecordShaper::ellipse(const Hemisphere& seen, float mean, const Irradiance& E,
+float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float mean, const Irradiance& E,
                             RecordDetail& detail) const noexcept {
+  // Geometry alone shrinks regions beside all that is near, lit or not; it needs no limit on the screen.
+  const bool knows_light = level_ == Interpolation::occlusion_hessian;
   const float least = kLeastReach * a_ * diagonal_;
-  const float most = kMostReach * diagonal_;
+  float most = kMostReach * diagonal_;
+  if (knows_light)
+    most = std::clamp(kMostPixels * pixel_of_unit_distance_ * glm::distance(p, eye_), least, most);
   const float near = 0.1f * least;
   float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
   detail.major = seen.basis.s;
   if (seen.strata.count() >= kLeastCellsForHessian) {
-    const glm::mat2 H = level_ == Interpolation::occlusion_hessian ? occlusion_hessian(seen, near)
-                                                                   : geometric_hessian(seen, near);
+    const glm::mat2 H = knows_light ? occlusion_hessian(seen, near) : geometric_hessian(seen, near);
     const float brightness = luminance(E);
     const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness : glm::mat2(0.0f));
     const float scale = kHessianScale * diagonal_ * diagonal_;
-    const float slow = a_ * change_length(E, detail.gradients);
+    const float slow =
+        knows_light ? std::numeric_limits<float>::infinity() : a_ * change_length(E, detail.gradients);
     const auto reach = [&](float lambda) {
       const float r = lambda > 0.0f ? a_ * std::pow(scale / lambda, 0.25f) : most;
       return std::clamp(std::min(r, slow), least, most);

@@ -22,8 +22,9 @@
 // Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
 // lambda a record is valid to the distance r = a (kHessianScale D^2 E / |lambda|)^(1/4), where D is the scene's
 // diagonal: the fourth root spreads the error evenly over regions (Schwarzhaupt et al. 2012). Limits: the smaller axis
-// is at least half the larger; r <= a E / |gradient|; r is at least a hundredth of a D and at most a fifth of D. The
-// normal may turn as far as the split-sphere error allows.
+// is at least half the larger; r is at least a hundredth of a D and at most a fifth of D; by geometry alone at most
+// a E / |gradient|, with occlusion at most kMostPixels as projected to the screen. The normal may turn as far as the
+// split-sphere error allows.
 #pragma once
 
 #include <algorithm>
@@ -177,9 +178,10 @@ class RecordShaper {
   float radius(const glm::vec3& p, float mean, const Irradiance& E,
                const IrradianceGradients& gradients) const noexcept;
 
-  /// Sets the ellipse of a record and returns R of the sphere around it, metres; elliptic levels. `mean`: harmonic mean
-  /// distance, which decides where there are too few cells.
-  float ellipse(const Hemisphere& seen, float mean, const Irradiance& E, RecordDetail& detail) const noexcept;
+  /// Sets the ellipse of a record at p and returns R of the sphere around it, metres; elliptic levels. `mean`: harmonic
+  /// mean distance, which decides where there are too few cells.
+  float ellipse(const glm::vec3& p, const Hemisphere& seen, float mean, const Irradiance& E,
+                RecordDetail& detail) const noexcept;
 
  private:
   Interpolation level_;

@@ -59,7 +59,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
   if (extrapolates(shaper.level())) {
     RecordDetail& detail = shapes_.details[record.id];
     detail.gradients = gradients_of(w.seen, rays_.epsilon());
-    record.R = is_elliptic(shaper.level()) ? shaper.ellipse(w.seen, g.R, g.E, detail)
+    record.R = is_elliptic(shaper.level()) ? shaper.ellipse(record.p, w.seen, g.R, g.E, detail)
                                            : shaper.radius(record.p, g.R, g.E, detail.gradients);
     restrain(detail.gradients, record.E, record.R);
   }
