@@ -260,7 +260,7 @@ class MeanOff : public Judged {
     for (int i = 0; i < kPictures; ++i) {
       FrameRequest r = request(irradiance_cache(), next_seed());
       r.gather = 1024;
-      r.a = std::min(own_accuracy(scene_), kMeanAccuracy);
+      r.a = own_accuracy(scene_);
       const Picture p = render(r);
       off += (mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0) / kPictures;
     }

@@ -28,12 +28,8 @@ std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
                                                 std::uint32_t spp);
 
-/// The scenes' own accuracies were chosen by what an observer sees. At 0.15 records in the open reach into the crevices
-/// of Desk, which is by 0.007 to 0.009 too bright for it; at 0.1 by 0.004.
-inline constexpr float kMeanAccuracy = 0.1f;
-
 /// How far the mean of cached pictures, extrapolated by gradients, lies from path tracing's, as a share of it; at the
-/// scene's accuracy, but no coarser than kMeanAccuracy. A sample is the mean of four seeds. Needs no quiet.
+/// scene's own accuracy. A sample is the mean of four seeds. Needs no quiet.
 std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene);
 
 /// Mean of a cached picture of the white furnace over albedo^2, the truth. A sample is one seed.

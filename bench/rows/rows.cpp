@@ -192,9 +192,7 @@ void add_pictures(std::vector<Row>& rows) {
   for (const Setting& setting : judged_scenes()) {
     const std::string_view scene = setting.scene;
     add(fmt::format("mean_off_{}", scene),
-        fmt::format("mean of cached {}, accuracy {} or finer, against path tracing at equal hits: the "
-                    "difference as a share",
-                    scene, kMeanAccuracy),
+        fmt::format("mean of cached {} against path tracing at equal hits: the difference as a share", scene),
         0.005, [scene](const Machine& machine) { return mean_off(machine, scene); });
   }
   constexpr std::string_view kFurnace = "mean of the cached white furnace / the truth";
