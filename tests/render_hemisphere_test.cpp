@@ -46,23 +46,30 @@ double irradiance(const Rectangle& r, const Screen& s, const Vec& p, const Vec& 
                  1.0);
 }
 
-Hemisphere seen_from_origin(const Rectangle& r, const Screen& screen, Strata strata) {
+/// A hemisphere around n whose sample in direction d is sample_of(d), a direction in each cell.
+template <class SampleOf>
+Hemisphere hemisphere_around(const glm::vec3& n, Strata strata, SampleOf&& sample_of) {
   Hemisphere out;
   out.strata = strata;
-  out.basis = Basis(glm::vec3(0, 0, 1));
+  out.basis = Basis(n);
   Pcg32 random(7);
   for (std::uint32_t m = 0; m < strata.elevations; ++m)
-    for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
+    for (std::uint32_t k = 0; k < strata.azimuths; ++k) {
       const float u = (static_cast<float>(m) + random.uniform()) / static_cast<float>(strata.elevations);
-      const float v = (static_cast<float>(n) + random.uniform()) / static_cast<float>(strata.azimuths);
-      const glm::vec3 d = cosine_direction(out.basis, std::min(u, 0.9999f), v);
-      const double x_at_screen = d.x / d.z * screen.height;
-      const bool hidden = x_at_screen < screen.edge;
-      const double t = (hidden ? screen.height : r.height) / d.z;
-      const bool lit = !hidden && r.holds(t * d.x, t * d.y);
-      out.samples.push_back({d, static_cast<float>(t), glm::vec3(lit ? 1.0f : 0.0f), {0, 0, -1}});
+      const float v = (static_cast<float>(k) + random.uniform()) / static_cast<float>(strata.azimuths);
+      out.samples.push_back(sample_of(cosine_direction(out.basis, std::min(u, 0.9999f), v)));
     }
   return out;
+}
+
+Hemisphere seen_from_origin(const Rectangle& r, const Screen& screen, Strata strata) {
+  return hemisphere_around({0, 0, 1}, strata, [&](const glm::vec3& d) -> HemisphereSample {
+    const double x_at_screen = d.x / d.z * screen.height;
+    const bool hidden = x_at_screen < screen.edge;
+    const double t = (hidden ? screen.height : r.height) / d.z;
+    const bool lit = !hidden && r.holds(t * d.x, t * d.y);
+    return {d, static_cast<float>(t), glm::vec3(lit ? 1.0f : 0.0f), {0, 0, -1}};
+  });
 }
 
 constexpr double kStep = 1e-3;
@@ -176,20 +183,11 @@ Misses misses(const std::string& name, const Derivatives& found, const Derivativ
 // A hemisphere in which L(hit) comes from what each ray meets first.
 template <class L>
 Hemisphere seen_at(const RayTracer& rays, const Hit& at, Strata strata, L&& radiance) {
-  Hemisphere out;
-  out.strata = strata;
-  out.basis = Basis(at.n);
   Tracer tracer(rays);
-  Pcg32 random(7);
-  for (std::uint32_t m = 0; m < strata.elevations; ++m)
-    for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
-      const float u = (static_cast<float>(m) + random.uniform()) / static_cast<float>(strata.elevations);
-      const float v = (static_cast<float>(n) + random.uniform()) / static_cast<float>(strata.azimuths);
-      const glm::vec3 d = cosine_direction(out.basis, std::min(u, 0.9999f), v);
-      const Hit hit = tracer.intersect(Ray{rays.leave(at.p, at.ng), kInfinity, d});
-      out.samples.push_back({d, hit.t, hit.missed() ? glm::vec3(0.0f) : radiance(hit), hit.ng});
-    }
-  return out;
+  return hemisphere_around(at.n, strata, [&](const glm::vec3& d) -> HemisphereSample {
+    const Hit hit = tracer.intersect(Ray{rays.leave(at.p, at.ng), kInfinity, d});
+    return {d, hit.t, hit.missed() ? glm::vec3(0.0f) : radiance(hit), hit.ng};
+  });
 }
 
 TEST(DerivativesInRooms, OverAPlate) {
