@@ -56,6 +56,7 @@ class CachedPass final : public IndirectPass, private WaveCache {
         break;
       case RecordsThen::update:
         cache_.update_records([this](Record& r) noexcept { return source_->update(r); });
+        source_->updated();
         insert_again();
         break;
       case RecordsThen::go:
