@@ -38,8 +38,9 @@ struct KeptRecord {
   std::uint8_t state = free;
   DistanceCodes distances{};
 };
-static_assert(sizeof(KeptRecord) <= 48,
-              "64 bytes a record is what may be kept beside the cache, words of bits filled up and free ids included");
+static_assert(
+    sizeof(KeptRecord) <= 48,
+    "64 bytes a record is what may be kept beside the cache, words of bits filled up and free ids included");
 
 inline constexpr std::uint16_t kManyMeshes = std::numeric_limits<std::uint16_t>::max();
 

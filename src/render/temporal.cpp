@@ -73,9 +73,8 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
       verdicts_[id] = reconsider(tracer, workers_[thread], c, static_cast<std::uint32_t>(id));
   });
 
-  auto touched =
-      static_cast<std::uint64_t>(std::count(verdicts_.begin(), verdicts_.end(), Verdict::renewed) +
-                                 std::count(verdicts_.begin(), verdicts_.end(), Verdict::changed));
+  auto touched = static_cast<std::uint64_t>(std::count(verdicts_.begin(), verdicts_.end(), Verdict::renewed) +
+                                            std::count(verdicts_.begin(), verdicts_.end(), Verdict::changed));
   for (Worker& w : workers_) {
     table_.release(w.dropped);
     live_ -= w.dropped.size();

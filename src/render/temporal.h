@@ -132,8 +132,8 @@ class TemporalSource final : public RecordSource {
   RecordTable table_;
   std::unique_ptr<RecordShapes> shapes_;  // by the ids of table_; null: records as they are
   std::vector<Worker> workers_;
-  MovedBoxes movers_;              // of all that can move, as it stands
-  SegmentEnds ends_;               // the VPLs, for segments to them that movers_ may cut
+  MovedBoxes movers_;  // of all that can move, as it stands
+  SegmentEnds ends_;   // the VPLs, for segments to them that movers_ may cut
   // While an update lasts, by id.
   std::vector<Verdict> verdicts_;
   std::vector<Irradiance> renewed_;  // W/m^2; of the records renewed or changed
