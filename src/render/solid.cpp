@@ -15,8 +15,8 @@
 namespace icbench {
 namespace {
 
-constexpr int kCells = 18, kBlock = 6;   // of the grid, along each axis; of a box around triangles
-constexpr std::size_t kMostInside = 12;  // boxes
+constexpr int kCells = 24, kBlock = 6;   // of the grid, along each axis; of a box around triangles
+constexpr std::size_t kMostInside = 24;  // boxes
 constexpr float kMargin = 1e-3f;         // of the mesh's extent along an axis: far more than any rounding
 static_assert(kCells % kBlock == 0);
 
