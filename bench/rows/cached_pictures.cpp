@@ -208,7 +208,7 @@ class RecordsAtEqualError : public Judged {
       kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
 };
 
-// The first sample tries every setting; later ones only those that came near the best in it.
+// The first sample tries every setting; later ones only those that were best in it.
 class ErrorAtEqualTime : public Judged {
  public:
   ErrorAtEqualTime(const Machine& machine, std::string_view scene, std::uint32_t spp)
@@ -243,7 +243,7 @@ class ErrorAtEqualTime : public Judged {
       }
     }
     if (!std::isfinite(best)) return {0.0, "no cached picture was as fast"};
-    keep_the_best_of(tried, best);
+    keep_the_best_of(std::move(tried));
     return {best / error};
   }
 
@@ -260,14 +260,16 @@ class ErrorAtEqualTime : public Judged {
     double error;
   };
 
-  // What may be in time in another sample, or be better than the best.
-  static constexpr double kNearlyInTime = 1.2, kNearlyBest = 1.5;
+  // What may be in time in another sample; and so many that one of them is.
+  static constexpr double kNearlyInTime = 1.2;
+  static constexpr std::size_t kKept = 6;
 
-  void keep_the_best_of(const std::vector<Tried>& tried, double best) {
+  void keep_the_best_of(std::vector<Tried> tried) {
     if (std::exchange(chosen_, true)) return;
+    std::sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) { return a.error < b.error; });
+    tried.resize(std::min(tried.size(), kKept));
     std::vector<Setting> kept;
     for (const Tried& t : tried) {
-      if (t.error > kNearlyBest * best) continue;
       kept.push_back(*t.setting);
       kept.back().counts = {t.count};
     }
