@@ -46,7 +46,8 @@ struct SweepPoint {
 
 class Sweep {
  public:
-  /// Throws std::runtime_error with one line for an unknown cache or a sweep without a single point.
+  /// Throws std::runtime_error with one line for an unknown cache, a trace that cannot be read or a sweep without a
+  /// single point.
   Sweep(SweepRequest request, const Topology& topology);
 
   const SweepRequest& request() const noexcept { return request_; }
