@@ -40,46 +40,58 @@ Trace::Range TracePlan::operations(Trace::Range frames) const noexcept {
 }
 
 void TracePlan::find_origins(Trace::Range epoch) {
-  const Trace::Range all = operations(epoch);
-  CacheConfig config = trace_.context.config;
-  config.max_sessions = 1;
-  config.capacity = capacity_for(trace_.records.size(), 1);
-  PlanCache cache(config);
-  auto session = cache.open_session(0);
-  // Its id leads from a record that answers to its place.
-  const auto insert = [&](std::uint32_t place) {
-    Record r = trace_.records[place].record;
-    if (trace_.records[place].result != InsertResult::inserted) return;
-    r.id = place;
-    session.insert(r);
-  };
-  const Trace::Range first = trace_.frames[epoch.begin].first;
-  for (std::uint32_t i = first.begin; i < first.end; ++i) insert(i);
-  for (std::uint32_t i = all.begin; i < all.end; ++i)
-    if (trace_.made[i] != Trace::kHit) insert(trace_.made[i]);
-
-  struct Nearest {
-    float weight = 0.0f;
-    std::uint32_t place = 0;
-  };
+  const Trace::Range all = operations(epoch), first = trace_.frames[epoch.begin].first;
+  std::vector<std::uint32_t> places;
+  for (std::uint32_t i = first.begin; i < first.end; ++i) places.push_back(i);
   for (std::uint32_t i = all.begin; i < all.end; ++i) {
-    if (trace_.made[i] != Trace::kHit) {
-      origins_[i] = trace_.made[i];
-      continue;
+    origins_[i] = trace_.made[i] == Trace::kHit ? kStandIn : trace_.made[i];
+    if (trace_.made[i] != Trace::kHit) places.push_back(trace_.made[i]);
+  }
+  std::erase_if(places, [&](auto place) { return trace_.records[place].result != InsertResult::inserted; });
+  std::vector<float> radii;
+  for (const std::uint32_t place : places) radii.push_back(trace_.records[place].record.R);
+  std::sort(radii.begin(), radii.end());
+
+  // Looked up by error term, with the same radius for all: the weights would favour large radii, and stand-ins made of
+  // those answer more queries than the renderer's own records do. First a small radius, which few records share, then,
+  // for points that it does not reach from any, the largest, with which all are valid where they were.
+  std::vector<std::uint32_t> left;
+  for (std::uint32_t i = all.begin; i < all.end; ++i)
+    if (origins_[i] == kStandIn) left.push_back(i);
+  for (const bool is_last : {false, true}) {
+    if (left.empty()) return;
+    if (radii.empty()) break;
+    CacheConfig config = trace_.context.config;
+    config.max_sessions = 1;
+    config.capacity = capacity_for(places.size(), 1);
+    PlanCache cache(config);
+    auto session = cache.open_session(0);
+    for (const std::uint32_t place : places) {
+      Record r = trace_.records[place].record;
+      r.R = is_last ? radii.back() : radii[radii.size() / 2];
+      r.id = place;
+      session.insert(r);
     }
-    Nearest nearest;
-    session.visit(trace_.points[i],
-                  RecordCallback{[](void* context, const Record& r, float weight) noexcept {
-                                   auto& best = *static_cast<Nearest*>(context);
-                                   if (weight > best.weight || (weight == best.weight && r.id < best.place))
-                                     best = {weight, r.id};
-                                 },
-                                 &nearest});
-    if (!(nearest.weight > 0.0f)) {
-      throw std::runtime_error(
-          fmt::format("the trace contradicts itself: operation {} was answered where no record is valid", i));
-    }
-    origins_[i] = nearest.place | kStandIn;
+    struct Nearest {
+      float weight = 0.0f;
+      std::uint32_t place = 0;
+    };
+    std::erase_if(left, [&](std::uint32_t i) {
+      Nearest nearest;
+      session.visit(trace_.points[i],
+                    RecordCallback{[](void* context, const Record& r, float weight) noexcept {
+                                     auto& best = *static_cast<Nearest*>(context);
+                                     if (weight > best.weight || (weight == best.weight && r.id < best.place))
+                                       best = {weight, r.id};
+                                   },
+                                   &nearest});
+      if (nearest.weight > 0.0f) origins_[i] = nearest.place | kStandIn;
+      return nearest.weight > 0.0f;
+    });
+  }
+  if (!left.empty()) {
+    throw std::runtime_error(fmt::format(
+        "the trace contradicts itself: operation {} was answered where no record is valid", left.front()));
   }
 }
 
