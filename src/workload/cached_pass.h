@@ -183,4 +183,16 @@ class CachedPass : public IndirectPass, protected WaveCache {
   RecordsThen then_ = RecordsThen::stay;          // became of the records as the frame began
 };
 
+/// Captures what it does (workload/traced_pass.h).
+template <template <class> class CacheTemplate>
+std::unique_ptr<IndirectPass> make_traced_pass(const CachedPassSetup& setup,
+                                               std::unique_ptr<RecordSource> source, Crew& crew);
+
+template <template <class> class CacheTemplate>
+std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
+                                               std::unique_ptr<RecordSource> source, Crew& crew) {
+  if (setup.trace != nullptr) return make_traced_pass<CacheTemplate>(setup, std::move(source), crew);
+  return std::make_unique<CachedPass<CacheTemplate>>(setup, std::move(source), crew);
+}
+
 }  // namespace icbench

@@ -1,4 +1,5 @@
-// The cached pass that captures a trace of what it does. Instantiated once per cache, with the pass that does not.
+// The cached pass that captures a trace of what it does. Instantiated once per cache, apart from the pass that does not,
+// whose machine code is then the same as if there were no traces.
 #pragma once
 
 #include <memory>
@@ -52,11 +53,9 @@ class TracedPass final : public CachedPass<CacheTemplate> {
 };
 
 template <template <class> class CacheTemplate>
-std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
+std::unique_ptr<IndirectPass> make_traced_pass(const CachedPassSetup& setup,
                                                std::unique_ptr<RecordSource> source, Crew& crew) {
-  if (setup.trace != nullptr)
-    return std::make_unique<TracedPass<CacheTemplate>>(setup, std::move(source), crew);
-  return std::make_unique<CachedPass<CacheTemplate>>(setup, std::move(source), crew);
+  return std::make_unique<TracedPass<CacheTemplate>>(setup, std::move(source), crew);
 }
 
 }  // namespace icbench
