@@ -1,4 +1,6 @@
 """The figures of the report, in its order. A new figure is one file and one entry here."""
+import anatomy_map
+import anatomy_time
 import cas_failures
 import contention_map
 import efficiency
@@ -11,6 +13,7 @@ import repeatability
 import speed_error
 import speedup
 import steps
+import structure_mechanism
 import thesis_equal_error
 import thesis_frame_times
 import thesis_mechanisms
@@ -20,12 +23,15 @@ import utilisation
 import witness
 
 # Of what was measured.
-FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, speed_error, latency,
+FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, structure_mechanism,
+                                        speed_error, latency,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.
 PARETO_FIGURES = [pareto.FIGURE]
 # Of what icbench repeatability measured.
 REPEATABILITY_FIGURES = [repeatability.FIGURE]
+# Of what bench's anatomy measured.
+ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.

@@ -13,6 +13,8 @@ import style  # first: it checks what is installed
 
 from PIL import Image
 
+import anatomy_page
+import anatomy_results
 import correctness
 import correctness_page
 import pareto_page
@@ -22,7 +24,7 @@ import repeatability_results
 import tables
 from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
-from figures import CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
+from figures import ANATOMY_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
 from findings import Finding, findings
 from inline import data_uri, drawing
 from over_threads import cache_rows
@@ -33,6 +35,7 @@ kTemplate = Path(__file__).resolve().parent / "template.html"
 kVerdicts = "correctness.json"
 kPareto = "pareto*.json"
 kRepeatability = "repeatability*.json"
+kAnatomy = "anatomy*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -231,16 +234,18 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
     return made or correctness_page.absent()
 
 
-def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path], out: Path,
-          command: str) -> Path:
+def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path],
+          anatomy: list[Path], out: Path, command: str) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
-    `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names.
+    `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names, `anatomy`
+    of the program of that name.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
     compared = pareto_results.load(pareto)
     repeated = repeatability_results.load(repeatability)
+    apart = anatomy_results.load(anatomy)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -258,10 +263,12 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
         further = {one.slug: "All methods" for one in compared[:1]}
-        further |= {one.slug: "What threads add" for one in repeated[:1]} | {"correctness": "Correctness"}
+        further |= {one.slug: "What threads add" for one in repeated[:1]}
+        further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
     body += _measured(compared, PARETO_FIGURES, pareto_page, out)
     body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
+    body += _measured(apart, ANATOMY_FIGURES, anatomy_page, out)
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
@@ -277,13 +284,16 @@ def main() -> int:
                          help=f"results of icbench pareto (default: {kPareto} beside RESULTS)")
     options.add_argument("--repeatability", action="append", metavar="FILE", type=Path,
                          help=f"results of icbench repeatability (default: {kRepeatability} beside RESULTS)")
+    options.add_argument("--anatomy", action="append", metavar="FILE", type=Path,
+                         help=f"results of anatomy (default: {kAnatomy} beside RESULTS)")
     arguments = options.parse_args()
     verdicts = arguments.correctness or _verdicts_beside(arguments.results)
     pareto = arguments.pareto or _beside(arguments.results, kPareto)
     repeatability = arguments.repeatability or _beside(arguments.results, kRepeatability)
+    anatomy = arguments.anatomy or _beside(arguments.results, kAnatomy)
     out = arguments.out or arguments.results[0].parent
     try:
-        print(build(arguments.results, verdicts, pareto, repeatability, out, shlex.join(sys.argv)))
+        print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv)))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

@@ -48,6 +48,8 @@ constexpr Control kControls[] = {
      Check::per_record_linearizable, 0.0, false, &run_round<ReplicatedWithoutCommit<DelaySync>>},
     {"lock_released_early", "the lock is released before the work is done", Check::integrity, 0.0, false,
      &run_round<LockReleasedEarly<DelaySync, DelayPlainSync>>},
+    {"lock_without_order", "readers and writers of the distributed lock are not sequentially consistent",
+     Check::integrity, 0.0, true, &run_round<LockWithoutOrder<DelaySync, DelayPlainSync>>},
     {"clock_read_late", "a snapshot query reads its clock when it meets records, not before the first list",
      Check::linearizable, 0.0, false, &run_round<ClockReadLate<DelaySync>>},
     {"pending_not_helped", "a snapshot query passes over a pending record without stamping it",

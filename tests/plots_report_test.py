@@ -17,9 +17,11 @@ import matplotlib.image
 import numpy as np
 
 from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
-                           few_caches, model_caches, model_pareto, model_repeatability, model_results,
+                           few_caches, model_anatomy, model_caches, model_pareto, model_repeatability, model_results,
                            model_verdicts, read_csv, run, write_results)
 
+import anatomy_page
+import anatomy_results
 import cautions
 import correctness
 import correctness_page
@@ -44,7 +46,7 @@ class Report(InFolder):
         matplotlib.image.imsave(images / "room.png", np.zeros((4, 4)))
         (images / "room.json").write_text('{"scene": "cornell_box", "cache": "wait_free", "seconds": 0.25}')
         (images / "broken.png").write_text("no picture")
-        page = self.page(self.results(errors=True))
+        page = self.page(self.results(errors=True, caches=few_caches(("ward", "packed"))))
         references = References(page)
         self.assertTrue(references.found)
         for reference in references.found:
@@ -424,6 +426,47 @@ class Correctness(InFolder):
         self.assertEqual(run("correctness.py").returncode, 2)
 
 
+class Anatomy(InFolder):
+    """What anatomy measured, as a part of the report."""
+
+    def page(self, data: dict) -> str:
+        path = write_results(self.folder / "anatomy.json", data)
+        return anatomy_page.section(anatomy_results.load([path])[0], "anatomy", "")
+
+    def test_a_file_beside_the_results_is_found_and_its_part_is_linked(self):
+        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        write_results(self.folder / "anatomy.json", model_anatomy())
+        self.good("report.py", small, "--out", self.folder / "out")
+        page = (self.folder / "out/report.html").read_text(encoding="utf-8")
+        self.assertIn('<a href="#anatomy">Why the winner wins</a>', page)
+        for figure in ("anatomy_time", "anatomy_map"):
+            self.assertIn(f"<code>figures/{figure}.pdf</code>", page)
+
+    def test_the_page_says_what_each_step_is_worth_and_what_bounds_it(self):
+        page = self.page(model_anatomy())
+        self.assertIn("At random points a packed query is 5.00 times as fast as one to Ward&#x27;s structure. It reads "
+                      "20.0 cache lines instead of 90.0, and 8.00 whole records instead of 60.0, of which 6.00 are "
+                      "valid. Step by step: one path instead of many 2.50, small copies instead of whole records 1.14, "
+                      "vectors 1.75 times.", page)
+        self.assertIn("is another 5.00 times as fast", page)
+
+    def test_the_map_leaves_nothing_out_of_its_table(self):
+        path = write_results(self.folder / "anatomy.json", model_anatomy())
+        self.good("anatomy_map.py", path, "--out", self.folder)
+        table = read_csv(self.folder / "anatomy_map.csv")
+        self.assertEqual([(sum(line["part"] == part for line in table)) for part in ("wait_free", "packed_wait_free")],
+                         [60, 8])
+        self.assertEqual(sum(line["valid"] == "True" for line in table), 12)
+
+    def test_wrong_files_are_refused(self):
+        data = model_anatomy()
+        for row in data["benchmarks"]:
+            del row["ns_per_query"]
+        path = write_results(self.folder / "wrong.json", data)
+        with self.assertRaisesRegex(results.InputError, 'no "ns_per_query"'):
+            anatomy_results.load([path])
+
+
 class MainJob(InFolder):
     """bench/run around programs that hand out what was made before."""
 
@@ -437,6 +480,7 @@ class MainJob(InFolder):
         self.program("../../../../tools/cmake", "")
         compared = write_results(self.folder / "compared.json", model_pareto())
         repeated = write_results(self.folder / "repeated.json", model_repeatability())
+        self.program("anatomy", f'cp {write_results(self.folder / "apart.json", model_anatomy())} "$OUT"')
         self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"\n'
                                 f'[[ $1 != pareto ]] || cp {compared} "$OUT"\n'
                                 f'[[ $1 != repeatability ]] || cp {repeated} "$OUT"')

@@ -246,6 +246,29 @@ def model_repeatability(scene="cornell_box", differences=None, repetitions=3, **
     return {"context": kContext | context, "benchmarks": rows}
 
 
+def model_anatomy(repetitions=5, **context) -> dict:
+    """A file of anatomy: queries to Ward's structure take 2,000 ns, to the packed one 400, whatever the points."""
+    times = {"wait_free": 2000, "replicated": 800, "packed_scalar": 700, "packed_wait_free": 400, "packed_batch": 200,
+             "packed_frozen": 380, "told": 80}
+    reads = {"wait_free": {"cache_lines": 90.0, "lists": 50.0, "items": 60.0, "records_read": 60.0},
+             "packed_wait_free": {"cache_lines": 20.0, "lists": 3.0, "items": 40.0, "records_read": 8.0}}
+    rows = []
+    for points in ("random", "coherent"):
+        for part, ns in times.items():
+            for repetition in range(repetitions):
+                row = {"name": f"anatomy/{points}/{part}", "repetition_index": repetition, "real_time": ns * 0.016,
+                       "time_unit": "ms", "part": part, "points": points, "records": 100000,
+                       "ns_per_query": ns * (1 + 0.01 * repetition)}
+                if repetition == 0 and part in reads:
+                    valid = [{"p": [0.01 * k, 0.0, 0.02], "radius": 0.5, "valid": k < 6}
+                             for k in range(int(reads[part]["records_read"]))]
+                    row |= reads[part] | {"records_valid": 6.0, "bytes_per_record": 110.0, "example": {
+                        "p": [0.0, 0.0, 0.0], "n": [0.0, 1.0, 0.0], "accuracy": 0.2, "cache_lines": 90, "lists": 50,
+                        "items": 60, "records": valid}}
+                rows.append(row)
+    return {"context": kContext | context, "benchmarks": rows}
+
+
 kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
 kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
   thread 1 [129, 130] insert of record 82, place 0, size 0
@@ -321,8 +344,8 @@ def read_csv(path: Path) -> list[dict]:
         return list(csv.DictReader(file))
 
 
-def few_caches() -> list[dict]:
-    return model_caches(("packed",), ("sequential", "global_mutex", "shared_mutex", "local_write",
+def few_caches(structures=("packed",)) -> list[dict]:
+    return model_caches(structures, ("sequential", "global_mutex", "shared_mutex", "local_write",
                                       "wait_free"), ())
 
 

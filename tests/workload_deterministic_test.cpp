@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "harness/topology.h"
+#include "render_support.h"
 #include "scene/registry.h"
 #include "workload/frame_renderer.h"
 

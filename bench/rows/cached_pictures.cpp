@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "image/metrics/block_rmse.h"
@@ -207,10 +208,18 @@ class RecordsAtEqualError : public Judged {
       kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
 };
 
+// The first sample tries every setting; later ones only those that were best in it.
 class ErrorAtEqualTime : public Judged {
  public:
   ErrorAtEqualTime(const Machine& machine, std::string_view scene, std::uint32_t spp)
-      : Judged(machine, scene), spp_(spp) {}
+      : Judged(machine, scene), spp_(spp) {
+    for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian}) {
+      for (const float a : {0.6f, 0.4f, 0.2f})
+        settings_.push_back({"irradiance_cache", level, a, {64, 256, 1024, 4096}});
+    }
+    for (const float a : {0.4f, 0.2f})
+      settings_.push_back({"instant_caching", Interpolation::gradients, a, {256, 1024, 4096, 16384}});
+  }
 
   Sample sample() override {
     const std::uint64_t seed = next_seed();
@@ -219,34 +228,57 @@ class ErrorAtEqualTime : public Judged {
     const Picture path = render(traced);
     const double limit = path.seconds, error = relmse_of(path);
     double best = std::numeric_limits<double>::infinity();
-    // The next has four times the rays or lights: it is left out where this one already took too long by far.
-    const auto try_next = [&](const FrameRequest& r) {
-      const Picture p = render(r);
-      if (p.seconds <= limit) best = std::min(best, relmse_of(p));
-      return p.seconds <= 2.0 * limit;
-    };
-    for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian})
-      for (const float a : {0.6f, 0.4f, 0.2f})
-        for (const std::uint32_t rays : {64u, 256u, 1024u, 4096u}) {
-          FrameRequest r = request(irradiance_cache(), seed);
-          r.gather = rays;
-          r.a = a;
-          r.interpolation = level;
-          if (!try_next(r)) break;
-        }
-    for (const float a : {0.4f, 0.2f})
-      for (const std::uint32_t vpls : {256u, 1024u, 4096u, 16384u}) {
-        FrameRequest r = request(find_integrator("instant_caching"), seed);
-        r.vpls = vpls;
-        r.a = a;
-        if (!try_next(r)) break;
+    std::vector<Tried> tried;
+    for (const Setting& setting : settings_) {
+      for (const std::uint32_t count : setting.counts) {
+        FrameRequest r = request(find_integrator(setting.integrator), seed);
+        r.gather = r.vpls = count;
+        r.a = setting.a;
+        r.interpolation = setting.level;
+        const Picture p = render(r);
+        if (p.seconds <= limit) best = std::min(best, relmse_of(p));
+        if (p.seconds <= kNearlyInTime * limit) tried.push_back({&setting, count, relmse_of(p)});
+        // The next has four times the rays or lights.
+        if (p.seconds > 2.0 * limit) break;
       }
+    }
     if (!std::isfinite(best)) return {0.0, "no cached picture was as fast"};
+    keep_the_best_of(std::move(tried));
     return {best / error};
   }
 
  private:
+  struct Setting {
+    std::string_view integrator;
+    Interpolation level;
+    float a;
+    std::vector<std::uint32_t> counts;  // of rays a record, or of virtual lights
+  };
+  struct Tried {
+    const Setting* setting;
+    std::uint32_t count;
+    double error;
+  };
+
+  // What may be in time in another sample; and so many that one of them is.
+  static constexpr double kNearlyInTime = 1.2;
+  static constexpr std::size_t kKept = 6;
+
+  void keep_the_best_of(std::vector<Tried> tried) {
+    if (std::exchange(chosen_, true)) return;
+    std::sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) { return a.error < b.error; });
+    tried.resize(std::min(tried.size(), kKept));
+    std::vector<Setting> kept;
+    for (const Tried& t : tried) {
+      kept.push_back(*t.setting);
+      kept.back().counts = {t.count};
+    }
+    settings_ = std::move(kept);
+  }
+
   std::uint32_t spp_;
+  std::vector<Setting> settings_;
+  bool chosen_ = false;
 };
 
 class MeanOff : public Judged {

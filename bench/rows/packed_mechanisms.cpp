@@ -16,12 +16,15 @@ std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine) {
 std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string_view cache) {
   constexpr std::string_view kWorkload = "miss_driven:cost=1";
   const unsigned threads = std::min(4 * machine.units(), kMaxThreads);
-  if (cache == PackedGlobalMutex<>::kTraits.name)
-    return std::make_unique<ThroughputRatio<PackedWaitFree, PackedGlobalMutex>>(machine, kWorkload, threads);
-  if (cache == PackedSharedMutex<>::kTraits.name)
-    return std::make_unique<ThroughputRatio<PackedWaitFree, PackedSharedMutex>>(machine, kWorkload, threads);
-  if (cache == PackedSpinRwMutex<>::kTraits.name)
-    return std::make_unique<ThroughputRatio<PackedWaitFree, PackedSpinRwMutex>>(machine, kWorkload, threads);
+  const auto over = [&]<template <class> class Lock>() -> std::unique_ptr<Experiment> {
+    return std::make_unique<ThroughputRatio<PackedWaitFree, Lock>>(machine, kWorkload, threads);
+  };
+  if (cache == PackedGlobalMutex<>::kTraits.name) return over.template operator()<PackedGlobalMutex>();
+  if (cache == PackedGlobalSpin<>::kTraits.name) return over.template operator()<PackedGlobalSpin>();
+  if (cache == PackedQueuingMutex<>::kTraits.name) return over.template operator()<PackedQueuingMutex>();
+  if (cache == PackedSharedMutex<>::kTraits.name) return over.template operator()<PackedSharedMutex>();
+  if (cache == PackedSpinRwMutex<>::kTraits.name) return over.template operator()<PackedSpinRwMutex>();
+  if (cache == PackedDistributedRw<>::kTraits.name) return over.template operator()<PackedDistributedRw>();
   throw std::runtime_error("no row compares with cache " + std::string(cache));
 }
 

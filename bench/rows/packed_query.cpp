@@ -1,84 +1,9 @@
 // Queries of the packed octree: against the structure of the thesis, against what is left when nothing can change any
 // more, and its own parts against each other.
-#include "caches/packed_frozen.h"
-#include "caches/registry.h"
-#include "rows/query_ratio.h"
-#include "rows/replicated_octree.h"
+#include "rows/read_only_structures.h"
 #include "rows/rows.h"
 
 namespace icbench {
-namespace {
-
-/// Read-only structures are built from all records at once, and asked without a session.
-template <class Structure>
-class Built {
- public:
-  explicit Built(const SyntheticPlan& plan) : structure_(plan.config(1), plan.records()) {}
-  const Structure& session() const noexcept { return structure_; }
-
- private:
-  Structure structure_;
-};
-
-/// What is left of a query to whom the valid records are told: reading, weighing and adding these.
-struct ToldRecords {};
-
-}  // namespace
-
-template <>
-class Filled<PackedFrozen> : public Built<PackedFrozen> {
-  using Built::Built;
-};
-template <>
-class Filled<ReplicatedOctree> : public Built<ReplicatedOctree> {
-  using Built::Built;
-};
-
-template <>
-class Filled<ToldRecords> {
- public:
-  explicit Filled(const SyntheticPlan& plan)
-      : points_(plan.points().data()),
-        a_(plan.config(1).a),
-        records_(plan.records().begin(), plan.records().end()) {
-    Sequential<> oracle(plan.config(1));
-    auto session = oracle.open_session(0);
-    for (std::uint32_t i = 0; i < records_.size(); ++i) {
-      Record r = records_[i];
-      r.id = i;
-      session.insert(r);
-    }
-    for (const SurfacePoint& x : plan.points()) {
-      begin_.push_back(static_cast<std::uint32_t>(valid_.size()));
-      session.visit(x, [&](const Record& r, float) { valid_.push_back(&records_[r.id]); });
-    }
-    begin_.push_back(static_cast<std::uint32_t>(valid_.size()));
-    valid_.resize(valid_.size() + kWeighed, &records_[0]);
-  }
-
-  const Filled& session() const noexcept { return *this; }
-
-  /// `x`: one of the plan's points themselves, which tells which records are valid.
-  std::optional<Irradiance> query(const SurfacePoint& x) const noexcept {
-    constexpr std::uint32_t kAtOnce = 8;
-    const auto at = static_cast<std::size_t>(&x - points_);
-    const std::uint32_t end = begin_[at + 1];
-    for (std::uint32_t i = begin_[at]; i < end; ++i) __builtin_prefetch(valid_[i]);
-    Interpolator interpolator;
-    std::array<float, kAtOnce + kWeighed> weights;
-    for (std::uint32_t i = begin_[at]; i < end; i += kAtOnce)
-      show_valid(kernels_, x, a_, &valid_[i], std::min(end - i, kAtOnce), weights.data(), interpolator);
-    return interpolator.result();
-  }
-
- private:
-  const SurfacePoint* points_;
-  float a_;
-  LaneKernels kernels_ = SimdLanes::best();
-  std::vector<Record, LargePageAllocator<Record>> records_;
-  std::vector<std::uint32_t> begin_;
-  std::vector<const Record*> valid_;
-};
 
 std::unique_ptr<Experiment> packed_query_over_ward(const Machine& machine, std::string_view workload) {
   return std::make_unique<QueryRatio<WaitFree<>, PackedWaitFree<>>>(machine, workload);

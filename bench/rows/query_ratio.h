@@ -1,6 +1,8 @@
 // Time of a query in one cache over that in another: read-only, one thread.
 #pragma once
 
+#include <span>
+
 #include "core/random.h"
 #include "rows/row.h"
 #include "scene/registry.h"
@@ -25,9 +27,29 @@ class Filled {
   Cache cache_;
 };
 
-/// Both caches hold the same records; a sample asks both at the same points, one after the other. What was asked last
-/// is warm: so each is first asked at other points, untimed, until the processor's caches hold of it what they hold
-/// when nothing else is asked. `Above` and `Below`: what Filled is defined for.
+/// Wall time of kTimedQueries queries to `asked`, something with `query`, at `points` from number `first` on, round and
+/// round; adds to `checksum`. What was asked last is warm: so it is first asked at the points before, untimed, until the
+/// processor's caches hold of it what they hold when nothing else is asked. Long against the clock, short against the
+/// machine's drift. A query to the largest structure reads some 20 cache lines, so that those before the clock starts
+/// replace what a few tens of megabytes hold.
+inline constexpr std::uint32_t kTimedQueries = 16'000, kQueriesBefore = 24'000;
+template <class Asked>
+double query_seconds(Asked& asked, std::span<const SurfacePoint> points, std::uint32_t first,
+                     double& checksum) {
+  std::uint32_t next = first;
+  const auto ask = [&](std::uint32_t queries) {
+    double sum = 0.0;
+    for (std::uint32_t i = 0; i < queries; ++i) {
+      if (const auto E = asked.query(points[next])) sum += E->x;
+      if (++next == points.size()) next = 0;
+    }
+    checksum += sum;
+  };
+  ask(kQueriesBefore);
+  return seconds([&] { ask(kTimedQueries); });
+}
+
+/// Both caches hold the same records; a sample asks both at the same points, one after the other. `Above` and `Below`: what Filled is defined for.
 template <class Above, class Below>
 class QueryRatio : public Experiment {
  public:
@@ -52,24 +74,10 @@ class QueryRatio : public Experiment {
   }
 
  private:
-  /// Long against the clock, short against the machine's drift. A query to the largest structure reads some 20 cache
-  /// lines, so that those before the clock starts replace what a few tens of megabytes hold.
-  static constexpr std::uint32_t kQueries = 16'000, kBefore = 24'000;
-
   template <class Cache>
   double time(Filled<Cache>& cache, std::uint32_t first) {
     auto&& session = cache.session();
-    std::uint32_t next = first;
-    const auto ask = [&](std::uint32_t queries) {
-      double sum = 0.0;
-      for (std::uint32_t i = 0; i < queries; ++i) {
-        if (const auto E = session.query(plan_.points()[next])) sum += E->x;
-        if (++next == plan_.points().size()) next = 0;
-      }
-      checksum_ += sum;
-    };
-    ask(kBefore);
-    return seconds([&] { ask(kQueries); });
+    return query_seconds(session, plan_.points(), first, checksum_);
   }
 
   RayTracer rays_;

@@ -115,7 +115,9 @@ void add_packed(std::vector<Row>& rows) {
   add("packed_snapshot_mix",
       "throughput of packed_wait_free_snapshot / of packed_wait_free; mix 90/10 on all processing units",
       Relation::at_least, 0.90, packed_snapshot_mix);
-  for (const std::string_view lock : {"packed_global_mutex", "packed_shared_mutex", "packed_spin_rw_mutex"}) {
+  for (const std::string_view lock :
+       {"packed_global_mutex", "packed_global_spin", "packed_queuing_mutex", "packed_shared_mutex",
+        "packed_spin_rw_mutex", "packed_distributed_rw"}) {
     add(fmt::format("packed_over_{}", lock.substr(7)),
         fmt::format("miss-driven throughput at 1 us a record, 4 threads a unit: packed_wait_free / {}", lock),
         Relation::at_least, 1.6, [lock](const Machine& machine) { return packed_over_lock(machine, lock); });

@@ -15,9 +15,11 @@ class Locked {
                 "wrap the plain instantiation of a structure: the lock is the synchronisation");
 
   using Tickets = TicketOffice<typename Structure::SharedSync>;
+  using Part = PartOfSession<Policy>;
 
   struct State {
     [[no_unique_address]] Counters counters;
+    [[no_unique_address]] typename Part::type part;
   };
   using Name = JoinedName<Structure::kPrefix, Policy::kName>;
 
@@ -33,7 +35,9 @@ class Locked {
   using Session = icbench::Session<Locked, State>;
 
   explicit Locked(const CacheConfig& config)
-      : config_(checked(config)), sessions_(config, false), tickets_(config.capacity), structure_(config) {}
+      : config_(checked(config)), sessions_(config, false), tickets_(config.capacity), structure_(config) {
+    if constexpr (Part::kOn) sessions_.for_each([this](State& s) { mutex_.admit(s.part); });
+  }
 
   Session open_session(std::uint32_t thread) { return Session(*this, sessions_[thread]); }
   void begin_frame() noexcept {}
@@ -71,16 +75,25 @@ class Locked {
  private:
   friend Session;
 
+  /// What a query of session `s` locks.
+  auto& to_read(State& s) noexcept {
+    if constexpr (Part::kOn) {
+      return s.part;
+    } else {
+      return mutex_;
+    }
+  }
+
   template <class F>
   void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
-    typename Policy::Read scope(mutex_, s.counters);
+    typename Policy::Read scope(to_read(s), s.counters);
     structure_.visit(x, config_.a, s.counters, f);
   }
 
   // One acquisition for all of them.
   template <class Visitors>
   void visit_batch(State& s, std::span<const SurfacePoint> points, Visitors visitors) noexcept {
-    typename Policy::Read scope(mutex_, s.counters);
+    typename Policy::Read scope(to_read(s), s.counters);
     structure_.visit_batch(points, config_.a, s.counters, visitors);
   }
 

@@ -1,7 +1,9 @@
 // Locks as policies: of Locked<Structure, Policy> (one lock around the cache) and of structures with a lock
 // per node.
 //
-// A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&).
+// A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&). One whose
+// sessions have a part of the lock each also names that, Reader; Read is then constructed from (Reader&, Counters&), and
+// the mutex is told of every session's by admit(Reader&) before any of them is used.
 // With counters on, a lock is tried once first, so that an acquisition that has to wait can be timed.
 #pragma once
 
@@ -12,6 +14,7 @@
 #include <mutex>
 #include <shared_mutex>
 #include <string_view>
+#include <vector>
 
 #include "core/counters.h"
 #include "core/sync.h"
@@ -57,6 +60,92 @@ class SpinLock {
 
  private:
   typename Sync::template Atomic<std::uint32_t> word_{0};
+};
+
+/// Orders of the accesses by which DistributedRwLock's readers and writers see each other. What else there could be is
+/// there to be caught by the stress suite.
+struct InOneOrder {
+  static constexpr std::memory_order kStore = std::memory_order_seq_cst, kLoad = std::memory_order_seq_cst;
+};
+
+/// Readers-writer lock whose readers share no cache line: every session has a word of its own that says whether it is
+/// reading, and a writer waits at all of them. Reading costs a read-modify-write of a line that is at hand, writing a
+/// look at as many lines as there are sessions. These are the visible readers of BRAVO (Dice & Kogan, USENIX ATC 2019),
+/// with a word a session where BRAVO hashes threads into a table and so needs a second lock for those that collide.
+/// Blocking; a writer that waits keeps new readers out.
+///
+/// Writers exclude each other by the spin lock (L1). Of a reader and a writer one sees the other:
+///
+///   D1  try_lock_shared: store of `reading`, then load of `writing`; lock: store of `writing`, then loads of `reading`.
+///       All sequentially consistent: in their one order either the reader's store is before the writer's load, which
+///       sees it, or the writer's store is before the reader's load.
+///   D2  unlock_shared, a try in vain: store release of `reading` -> lock: load of `reading`; what was read is overwritten
+///       only after.
+///   D3  unlock: store release of `writing` -> try_lock_shared: load of `writing`; publishes what the writer wrote.
+template <class Sync, class Order = InOneOrder>
+class DistributedRwLock {
+  using Word = typename Sync::template Atomic<std::uint32_t>;
+
+ public:
+  /// A session's part. Its user sees to it that no two lie on one cache line.
+  class Reader {
+    friend DistributedRwLock;
+
+   public:
+    bool try_lock_shared() noexcept {
+      reading_.store(1, Order::kStore /* D1 */);
+      if (lock_->writing_.load(Order::kLoad /* D1, D3 */) == 0) return true;
+      // Release though nothing was read: it hides the store of an unlock before it, in whose place it is seen.
+      reading_.store(0, std::memory_order_release /* D2 */);
+      return false;
+    }
+    void lock_shared() noexcept {
+      // The relaxed test keeps a reader that waits from holding the writer up.
+      for (unsigned turn = 0; lock_->writing_.load(std::memory_order_relaxed) != 0 || !try_lock_shared();
+           ++turn)
+        Sync::wait_turn(turn);
+    }
+    void unlock_shared() noexcept { reading_.store(0, std::memory_order_release /* D2 */); }
+
+   private:
+    Word reading_{0};
+    DistributedRwLock* lock_ = nullptr;
+  };
+
+  /// Makes `reader` one of the lock's. Before anybody uses it.
+  void admit(Reader& reader) {
+    reader.lock_ = this;
+    readers_.push_back(&reader);
+  }
+
+  bool try_lock() noexcept {
+    if (!writers_.try_lock()) return false;
+    writing_.store(1, Order::kStore /* D1 */);
+    for (const Reader* reader : readers_) {
+      if (reader->reading_.load(Order::kLoad /* D1, D2 */) != 0) {
+        unlock();
+        return false;
+      }
+    }
+    return true;
+  }
+  void lock() noexcept {
+    writers_.lock();
+    writing_.store(1, Order::kStore /* D1 */);
+    for (const Reader* reader : readers_) {
+      for (unsigned turn = 0; reader->reading_.load(Order::kLoad /* D1, D2 */) != 0; ++turn)
+        Sync::wait_turn(turn);
+    }
+  }
+  void unlock() noexcept {
+    writing_.store(0, std::memory_order_release /* D3 */);
+    writers_.unlock();
+  }
+
+ private:
+  Word writing_{0};
+  SpinLock<Sync> writers_;
+  std::vector<Reader*> readers_;
 };
 
 /// Exclusive ownership of anything with lock, try_lock and unlock.
@@ -145,6 +234,29 @@ struct SpinRwMutex {
   using Mutex = tbb::spin_rw_mutex;
   using Read = SharedScope<Mutex>;
   using Write = ExclusiveScope<Mutex>;
+};
+
+template <class Sync = StdSync, class Order = InOneOrder>
+struct DistributedRw {
+  static constexpr std::string_view kName = "distributed_rw",
+                                    kSource = "visible readers of BRAVO (Dice & Kogan 2019)";
+  using Mutex = DistributedRwLock<Sync, Order>;
+  using Reader = typename Mutex::Reader;
+  using Read = SharedScope<Reader>;
+  using Write = ExclusiveScope<Mutex>;
+};
+
+/// What a session has of a lock: the policy's Reader, or nothing.
+template <class Policy>
+struct PartOfSession {
+  struct type {};
+  static constexpr bool kOn = false;
+};
+template <class Policy>
+requires requires { typename Policy::Reader; }
+struct PartOfSession<Policy> {
+  using type = typename Policy::Reader;
+  static constexpr bool kOn = true;
 };
 
 /// Per-node locking switched off: takes no memory and no time.

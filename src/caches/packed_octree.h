@@ -4,14 +4,9 @@
 // Use: this is a *structure*. Packed<PlainSync> is the sequential one that locks and thread-local copies wrap;
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
-// Memory. Cells down to a level that suits the capacity stand in a grid and are found without a walk: the upper levels
-// as a whole, the two finest in bricks, which are there where records are. Below are nodes, a cache line each: eight
-// children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their
-// count, 16 lanes, a word that says where 48 more are, and a list for what does not fit. A lane is 8 bytes of a record
-// (caches/packed_lanes.h), tested many at once; a record is 44 bytes and its mark, read only if one of its lanes was
-// kept. Cells without records and nodes without cells below are not there. A brick says where its cells' further lanes
-// are, too, so that a query waits for memory three times as a rule: for a brick's entry, for a cell with all its lanes,
-// and for the records.
+// Memory. What cells are made of and where they are is said in caches/packed_cells.h: lanes of 8 bytes of a record
+// (caches/packed_lanes.h), tested many at once, and a list for what does not fit. A record is 44 bytes and its mark, read
+// only if one of its lanes was kept.
 //
 // Guests. A record is stored at the level whose cells suit its reach (caches/packed_reach.h), or up to two levels above
 // in cells of the grid or below that have few lanes. So what is small and alone, as at edges, has no nodes, cells and
@@ -37,23 +32,16 @@
 // was linked; 3 and 4 cannot fail. Lanes handed to failed inserts are lost until records are dropped or cleared, nodes
 // without records until `clear`.
 //
-// Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P3 that of the list (caches/slot_list.h)
+// Publication pairs (StdSync); P1, P4, P5 are those of caches/visibility.h, P2 that of the cells
+// (caches/packed_cells.h), P3 that of their lists (caches/slot_list.h)
 //
 //   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane
 //       first; a record that is seen has all its lanes published before, so that no later query misses it anywhere.
 //
-//   P2  install: CAS release of the word of a brick, node, cell or further lanes -> follow, go_by, take_up, step: its
-//       load acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread
-//
 //   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and where they are,
 //       which whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
 //
-// The levels in use are read and set relaxed: an insert notes its level before it marks the record, so whoever has seen
-// the record, or what its thread did afterwards, sees the level. What a brick says of further lanes is a hint for
-// prefetching, relaxed: nothing is read by it.
-//
-// Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once;
-// nothing is retried but the noting of a level, whose CAS fails only if another level was noted meanwhile.
+// Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once.
 //
 //   insert  wait-free: at most 8 cells a level are looked at on the record's own level and on two above, below the
 //           grid at the end of 8 paths of nodes, and 27 get a copy; each look at a cell is at most the noting of its
@@ -71,10 +59,8 @@
 
 #include <mutex>
 
+#include "caches/packed_cells.h"
 #include "caches/packed_filter.h"
-#include "caches/packed_lanes.h"
-#include "caches/packed_reach.h"
-#include "caches/slot_list.h"
 #include "core/cache.h"
 
 namespace icbench {
@@ -84,22 +70,18 @@ class Packed {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
   using Marks = typename Visibility::template In<Sync>;
-  using List = SlotPool<Sync, Sync, AtFirstSight, UnitIndex>;
+  using Cells = PackedCells<Sync>;
+  using Cell = typename Cells::Cell;
+  using Branch = typename Cells::Branch;
+  using List = typename Cells::List;
 
-  static constexpr std::size_t kLineBytes = 64, kNodeBytes = 64, kCellBytes = 192, kMoreBytes = 384,
-                               kEntryBytes = 12, kBrickBytes = 72 * kEntryBytes, kStoredAlign = 16;
+  static constexpr std::size_t kLineBytes = 64, kStoredAlign = 16;
   static constexpr std::uint32_t kFreedBatch = 16;
-  static constexpr int kMostGridLevels = 8;
   struct alignas(kStoredAlign) Stored {
     typename Marks::Mark mark;
     Record record;
   };
   static_assert(sizeof(Stored) <= kLineBytes, "a record is two cache lines at most");
-  using Grid = Arena<Sync, kEntryBytes>;
-  using Bricks = Arena<Sync, kBrickBytes>;
-  using Nodes = Arena<Sync, kNodeBytes>;
-  using Cells = Arena<Sync, kCellBytes>;
-  using More = Arena<Sync, kMoreBytes>;
   using Table = Arena<Sync, sizeof(Stored)>;
 
  public:
@@ -126,9 +108,6 @@ class Packed {
 
   /// Cells a record is known in: three an axis at most, below a full one.
   static constexpr std::uint32_t kMostCopies = 27;
-  /// Of these at a record's own level.
-  static constexpr std::uint32_t kMostCells = 8;
-
   // Step bounds (caches/session.h).
   static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "48 level below the grid + 3477"
                                                                            : "48 level below the grid + 3475",
@@ -136,27 +115,25 @@ class Packed {
                                                       ? "41 + per list (3 + links + 5 slots)"
                                                       : "40 + per list (3 + links + 2 slots)";
   static constexpr std::uint32_t kVisitSteps =
-      1 + 2 * (kPackedLevels + 1) + (kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
+      1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
   static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 41 : 40));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of an insert `below` levels below the grid.
   static constexpr std::uint32_t insert_steps(int below) noexcept {
-    constexpr std::uint32_t kDescendSteps = 1 + ArenaCursor<Nodes>::kAllocateSteps + 1;
-    constexpr std::uint32_t kLaneSteps = 2 + kDescendSteps + 1 + 1;
+    constexpr std::uint32_t kLaneSteps = 2 + Cells::kFollowSteps + 1 + 1;
     constexpr std::uint32_t kTakeSteps = 2 + ArenaCursor<Table>::kAllocateSteps;
-    constexpr std::uint32_t kNoteSteps = 1 + kMostGridLevels;
     // A look at a cell that takes no more: its level, its brick or node, its word, its count.
-    constexpr std::uint32_t kLookSteps = kNoteSteps + 2 * kDescendSteps + 2;
+    constexpr std::uint32_t kLookSteps = Cells::kNoteSteps + 2 * Cells::kFollowSteps + 2;
     // Of a copy: the same, a lane, and if that was in vain a place in the list.
     constexpr std::uint32_t kCopySteps = kLookSteps + kLaneSteps + List::kAppendSteps;
-    constexpr std::uint32_t kLeast = kTakeSteps + (kGuestLevels + 1) * kMostCells * kLookSteps +
+    constexpr std::uint32_t kLeast = kTakeSteps + (kGuestLevels + 1) * Cells::kMostCells * kLookSteps +
                                      kMostCopies * kCopySteps + Marks::kPublishSteps;
     static_assert(kLeast == (Visibility::kIsSnapshot ? 3477 : 3475));
-    return kLeast + static_cast<std::uint32_t>(below) * kMostCells * kDescendSteps;
+    return kLeast + static_cast<std::uint32_t>(below) * Cells::kMostCells * Cells::kFollowSteps;
   }
   std::uint32_t insert_steps(const Record& r) const noexcept {
-    return insert_steps(std::max(PackedReach::level_of(addressing_, r, a_max_) - grid_level_, 0));
+    return insert_steps(std::max(PackedReach::level_of(addressing_, r, a_max_) - cells_.grid_level(), 0));
   }
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
@@ -167,14 +144,9 @@ class Packed {
   /// A session's own allocation state.
   class Workspace {
     friend Packed;
-    ArenaCursor<Bricks> bricks_;
-    ArenaCursor<Nodes> nodes_;
-    ArenaCursor<Cells> cells_;
-    ArenaCursor<More> more_;
+    typename Cells::Workspace cells_;
     ArenaCursor<Table> table_;
     typename List::Workspace list_;
-    // Set aside by lost races; zero, as allocated.
-    UnitIndex spare_brick_ = 0, spare_node_ = 0, spare_cell_ = 0, spare_more_ = 0;
     std::array<UnitIndex, kFreedBatch> freed_{};  // places that dropped records left, this session's
     std::uint32_t freed_left_ = 0;
     UnitIndex spare_place_ = 0;  // of an insert that failed
@@ -183,17 +155,10 @@ class Packed {
   explicit Packed(const CacheConfig& config)
       : addressing_(config.bounds),
         a_max_(config.a_max),
-        grid_level_(grid_level(config.capacity)),
         sessions_(config.max_sessions),
-        grid_(dense_entries(), is_large(config)),
-        bricks_(top_cells() + sessions_ * kIdleBricks + 1, is_large(config)),
-        nodes_(kSpareRoom * config.capacity * kWorstNodes + sessions_ * kIdleNodes + 1, is_large(config)),
-        cells_(kSpareRoom * config.capacity * kMostCells + sessions_ * kIdleCells + 1, is_large(config)),
-        more_(kSpareRoom * config.capacity * kWorstMore + sessions_ * kIdleMore, is_large(config)),
+        cells_(config.capacity, sessions_, kSpareRoom, is_large(config)),
         table_(config.capacity + 2 * sessions_ * kIdlePlaces, is_large(config)),
-        list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {
-    plant();
-  }
+        list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {}
 
   /// Stores `r`; false if a pool is used up, and then no query ever sees anything of it.
   template <class Counters>
@@ -266,9 +231,7 @@ class Packed {
     const auto taken = static_cast<std::ptrdiff_t>(next_freed_.load(std::memory_order_relaxed));
     freed_.erase(freed_.begin(), freed_.begin() + std::min(taken, static_cast<std::ptrdiff_t>(freed_before)));
     next_freed_.store(0, std::memory_order_relaxed);
-    parallel_chunks(cells_.end() - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first + 1; i <= last; ++i) forget_dropped(cell(static_cast<UnitIndex>(i)));
-    });
+    cells_.for_each_cell([this](Cell& c) { forget_dropped(c); });
   }
 
   /// f(const Record&) for every record. Quiescent.
@@ -281,18 +244,12 @@ class Packed {
 
   /// Forgets everything. Quiescent; workspaces must be made anew.
   void clear() {
-    grid_.reset();
-    bricks_.reset();
-    nodes_.reset();
     cells_.reset();
-    more_.reset();
     table_.reset();
     list_.reset();
     marks_.clear();
     freed_.clear();
     next_freed_.store(0, std::memory_order_relaxed);  // relaxed: quiescent
-    levels_in_use_.store(0, std::memory_order_relaxed);
-    plant();
   }
 
   /// Records that still fit for certain, whatever their places and whichever sessions insert them. Quiescent.
@@ -302,88 +259,34 @@ class Packed {
     };
     const std::uint64_t freed = freed_.size();
     const std::uint64_t reusable = freed - std::min(next_freed_.load(std::memory_order_relaxed), freed);
-    const std::uint64_t fit = std::min(
-        {records(nodes_.left(), kIdleNodes, kWorstNodes), records(cells_.left(), kIdleCells, kMostCells),
-         records(more_.left(), kIdleMore, kWorstMore), records(table_.left() + reusable, kIdlePlaces, 1),
-         records(list_.units_left(), List::kIdleUnits, kWorstListUnits)});
+    const std::uint64_t fit = std::min({cells_.room(), records(table_.left() + reusable, kIdlePlaces, 1),
+                                        records(list_.units_left(), List::kIdleUnits, kWorstListUnits)});
     return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
   }
 
   /// Takes and touches memory for about n inserts of one session.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.nodes_.prefault(nodes_, n / 16, kNodeBytes);
-    workspace.cells_.prefault(cells_, n / 4, kCellBytes);
-    workspace.more_.prefault(more_, n / 16, kMoreBytes);
+    cells_.prefault(workspace.cells_, n);
     workspace.table_.prefault(table_, n, sizeof(Stored));
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
-    nodes_.touch(offset / 16, n / 16);
-    cells_.touch(offset / 4, n / 4);
-    more_.touch(offset / 16, n / 16);
+    cells_.touch(offset, n);
     table_.touch(offset, n);
   }
 
   /// Bytes that the structure has whatever is in it.
-  std::size_t fixed_bytes() const noexcept {
-    return dense_entries() * kEntryBytes + (top_level() == 0 ? kBrickBytes : 0);
-  }
+  std::size_t fixed_bytes() const noexcept { return cells_.fixed_bytes(); }
 
   /// Bytes that `workspace` has allocated.
   static std::size_t bytes(const Workspace& workspace) noexcept {
-    return workspace.bricks_.units_used() * kBrickBytes + workspace.nodes_.units_used() * kNodeBytes +
-           workspace.cells_.units_used() * kCellBytes + workspace.more_.units_used() * kMoreBytes +
-           workspace.table_.units_used() * sizeof(Stored) + List::bytes(workspace.list_);
+    return Cells::bytes(workspace.cells_) + workspace.table_.units_used() * sizeof(Stored) +
+           List::bytes(workspace.list_);
   }
 
  private:
-  // Invariant: words that hold an index go from 0 to it once between clears.
-  struct Branch {
-    Atomic<UnitIndex> node;  // what is below
-    Atomic<UnitIndex> cell;  // the records known here
-  };
-  struct alignas(kNodeBytes) Node {
-    Branch child[8];
-  };
-  static_assert(sizeof(Node) == kNodeBytes, "a node is one cache line");
-
-  // Invariant: lanes 0 .. count - 1 have been handed out, each to one insert; the mask has bits of these only, and none
-  // goes out between quiescent points.
-  struct alignas(kLineBytes) Cell {
-    Atomic<std::uint64_t> mask;
-    typename List::List rest;
-    Atomic<std::uint32_t> count;
-    Atomic<UnitIndex> more;                                // the other strips
-    alignas(kLineBytes) std::uint32_t strip[kStripWords];  // the first
-  };
-  static_assert(sizeof(Cell) == kCellBytes, "a cell and its first strip are three cache lines");
-
-  static_assert(kMoreBytes == (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t));
-  static constexpr std::size_t kHintedBytes = kMoreBytes / 3 * 2;  // what is filled as a rule
-  // A cell of the grid.
-  struct Entry {
-    Branch branch;
-    Atomic<UnitIndex> more;  // the cell's, a hint
-  };
-  // The part of the grid's two finest levels that lies in a cell of the level above, whose entry's `node` is the brick.
-  struct Brick {
-    Entry entry[8 + 64];
-  };
-  static_assert(sizeof(Entry) == kEntryBytes && sizeof(Brick) == kBrickBytes);
-
-  // The grid's finest level L is that at which a room's walls, some 6 4^L cells, hold 8 to 32 records each at capacity.
-  static constexpr int kBrickLevels = 2;
-  static constexpr int grid_level(std::uint64_t capacity) noexcept {
-    int level = kBrickLevels;
-    while (level < kMostGridLevels && capacity / 48 >> (2 * (level + 1)) != 0) ++level;
-    return level;
-  }
-  // Entries of the levels above `level`: (8^level - 1) / 7.
-  static constexpr std::uint32_t grid_begin(int level) noexcept { return ((1u << (3 * level)) - 1) / 7; }
-  // The finest of the levels that are there as a whole.
-  int top_level() const noexcept { return grid_level_ - kBrickLevels; }
-  std::uint32_t top_cells() const noexcept { return 1u << (3 * top_level()); }
-  std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
+  // What is filled of a cell's further strips, as a rule.
+  static constexpr std::size_t kHintedBytes = (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t) / 3 * 2;
 
   // A record may stay as a guest in a cell up to so many levels above its own that has fewer lanes than that: where
   // records are few or of many sizes, as at edges, that saves cells and copies.
@@ -392,52 +295,21 @@ class Packed {
 
   // Address space over what the capacity can need, for nodes that dropped records leave behind (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
-  static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 16, kMorePiece = 16,
-                                 kTablePiece = 64;
-  // What a record can need at worst: eight paths, and a cell at the end of each. Further lanes, lower cells, and lists
-  // are used only where many records are, and take less for each.
-  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstMore = 2,
-                                 kWorstListUnits = 32;
+  static constexpr std::uint32_t kTablePiece = 64;
+  // What a record can need of lists at worst: they are used only where many records are, and take less for each.
+  static constexpr std::uint64_t kWorstListUnits = 32;
   static constexpr std::size_t kUpdateGrain = 1024;
 
   // What a session may hold without a record in it: the rest of two pieces, and spares.
-  static constexpr std::uint64_t kIdleBricks = 2 * kBrickPiece + 1, kIdleNodes = 2 * kNodePiece + 1,
-                                 kIdleCells = 2 * kCellPiece + 1, kIdleMore = 2 * kMorePiece + 1,
-                                 kIdlePlaces = 2 * kTablePiece + kFreedBatch + 1;
+  static constexpr std::uint64_t kIdlePlaces = 2 * kTablePiece + kFreedBatch + 1;
 
-  // Nodes and cells are never constructed: zeroed memory is an empty one by the requirement on Sync (core/sync.h).
-  Node& node(UnitIndex i) const noexcept { return *std::launder(static_cast<Node*>(nodes_.at(i))); }
-  Cell& cell(UnitIndex i) const noexcept { return *std::launder(static_cast<Cell*>(cells_.at(i))); }
   Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
-  std::uint32_t* more_strips(UnitIndex i) const noexcept {
-    return std::launder(static_cast<std::uint32_t*>(more_.at(i)));
-  }
   static bool is_empty(const Stored& s) noexcept {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
   }
 
   /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
   static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
-
-  /// An empty grid; one that is a single brick has it from the start. Quiescent.
-  void plant() noexcept {
-    grid_.take(dense_entries());
-    if (top_level() != 0) return;
-    dense_entry(0, {}).branch.node.store(bricks_.take(1), std::memory_order_relaxed);
-  }
-
-  /// The entry of the cell of `level` that holds u. Above the bricks' levels.
-  Entry& dense_entry(int level, const GridPoint& u) const noexcept {
-    const int shift = kMaxLevel - level;
-    const std::int32_t at = (((u.z >> shift << level) | u.y >> shift) << level) | u.x >> shift;
-    return *std::launder(static_cast<Entry*>(grid_.at(1 + grid_begin(level) + static_cast<UnitIndex>(at))));
-  }
-  Entry& entry_in(UnitIndex brick, int level, const GridPoint& u) const noexcept {
-    const unsigned upper = OctreeAddressing::octant(u, top_level());
-    const unsigned at =
-        level < grid_level_ ? upper : 8 + 8 * upper + OctreeAddressing::octant(u, top_level() + 1);
-    return std::launder(static_cast<Brick*>(bricks_.at(brick)))->entry[at];
-  }
 
   /// A copy of a record to be: a lane of a cell or, if `words` is null, a place in the cell's list.
   struct Copy {
@@ -490,8 +362,8 @@ class Packed {
   template <class Counters>
   bool reserve(Insertion& insertion, Counters& counters) noexcept {
     const PackedReach& reach = insertion.reach;
-    const int level = std::max(std::min(reach.level(), grid_level_), reach.level() - kGuestLevels);
-    const int from = std::min(level, grid_level_);
+    const int level = std::max(std::min(reach.level(), cells_.grid_level()), reach.level() - kGuestLevels);
+    const int from = std::min(level, cells_.grid_level());
     const auto [low, high] = reach.cells(from);
     for (std::int32_t z = low.z; z <= high.z; ++z) {
       for (std::int32_t y = low.y; y <= high.y; ++y) {
@@ -508,17 +380,8 @@ class Packed {
   template <class Counters>
   bool reserve_in_grid(Insertion& insertion, const PackedCell& where, int level,
                        Counters& counters) noexcept {
-    Workspace& workspace = insertion.workspace;
-    const int shift = kMaxLevel - where.level;
-    const GridPoint u{where.x << shift, where.y << shift, where.z << shift};
-    Entry* entry = &dense_entry(std::min(where.level, top_level()), u);
-    if (where.level > top_level()) {
-      const UnitIndex brick = follow(entry->branch.node, bricks_, 1, workspace.bricks_, kBrickPiece,
-                                     workspace.spare_brick_, counters);
-      if (brick == 0) return false;
-      entry = &entry_in(brick, where.level, u);
-    }
-    return reserve(insertion, where, level, entry->branch, &entry->more, counters);
+    auto* entry = cells_.entry_for(insertion.workspace.cells_, where, counters);
+    return entry != nullptr && reserve(insertion, where, level, entry->branch, &entry->more, counters);
   }
 
   /// The same of any cell. `hint`: null below the grid.
@@ -528,21 +391,19 @@ class Packed {
     const PackedReach& reach = insertion.reach;
     Workspace& workspace = insertion.workspace;
     if (where.level >= level) {
-      if (where.level < grid_level_) note_level(where.level);
-      const UnitIndex here =
-          follow(branch.cell, cells_, 1, workspace.cells_, kCellPiece, workspace.spare_cell_, counters);
-      if (here == 0) return false;
-      Cell& c = cell(here);
+      if (where.level < cells_.grid_level()) cells_.note_level(where.level);
+      Cell* c = cells_.cell_for(workspace.cells_, branch, counters);
+      if (c == nullptr) return false;
       Copy& copy = insertion.copies[insertion.reserved];
       copy.where = where;
-      copy.cell = &c;
+      copy.cell = c;
       const std::uint32_t room = where.level < reach.level() ? kGuestLanes : kCellLanes;
       // Relaxed: the count only fixes places; what lies there is published by P6. The load keeps it from wrapping
       // round.
-      if (c.count.load(std::memory_order_relaxed) < room) {
-        copy.lane = c.count.fetch_add(1, std::memory_order_relaxed);
+      if (c->count.load(std::memory_order_relaxed) < room) {
+        copy.lane = c->count.fetch_add(1, std::memory_order_relaxed);
         if (copy.lane < kCellLanes) {
-          copy.words = lane_for(workspace, c, copy.lane, hint, counters);
+          copy.words = cells_.lane_for(workspace.cells_, *c, copy.lane, hint, counters);
           ++insertion.reserved;
           return copy.words != nullptr;
         }
@@ -550,17 +411,15 @@ class Packed {
       // A record that covers the cell is in all of its children, and nothing would be gained by going there.
       if (where.level > reach.level() || where.level == kPackedLevels || reach.reach() > where.side()) {
         copy.words = nullptr;
-        copy.rest = list_.reserve(workspace.list_, c.rest, counters);
+        copy.rest = list_.reserve(workspace.list_, c->rest, counters);
         ++insertion.reserved;
         return static_cast<bool>(copy.rest);
       }
     }
-    Node* below = nullptr;
-    if (where.level >= grid_level_) {
-      const UnitIndex n =
-          follow(branch.node, nodes_, 1, workspace.nodes_, kNodePiece, workspace.spare_node_, counters);
-      if (n == 0) return false;
-      below = &node(n);
+    typename Cells::Node* below = nullptr;
+    if (where.level >= cells_.grid_level()) {
+      below = cells_.node_for(workspace.cells_, branch, counters);
+      if (below == nullptr) return false;
     }
     for (unsigned rest = reach.children(where); rest != 0; rest &= rest - 1) {
       const auto i = static_cast<unsigned>(std::countr_zero(rest));
@@ -572,45 +431,6 @@ class Packed {
       }
     }
     return true;
-  }
-
-  /// Notes that cells of a level above the grid's finest are in use. Relaxed: see the header.
-  void note_level(int level) noexcept {
-    const std::uint32_t bit = 1u << level;
-    std::uint32_t levels = levels_in_use_.load(std::memory_order_relaxed);
-    while ((levels & bit) == 0 &&
-           !levels_in_use_.compare_exchange_strong(levels, levels | bit, std::memory_order_relaxed,
-                                                   std::memory_order_relaxed)) {
-    }
-  }
-
-  /// What `word` points at, installed if missing; 0 if the pool is used up.
-  template <class Pool, class Counters>
-  UnitIndex follow(Atomic<UnitIndex>& word, Pool& pool, std::uint32_t units, ArenaCursor<Pool>& cursor,
-                   std::uint32_t piece, UnitIndex& spare, Counters& counters) noexcept {
-    if (const UnitIndex there = word.load(std::memory_order_acquire /* P2 */)) return there;
-    UnitIndex fresh = std::exchange(spare, 0);
-    if (fresh == 0) {
-      fresh = cursor.allocate(pool, units, piece);
-      if (fresh == 0) return 0;
-      counters.template add<&Counts::nodes_allocated>(1);
-    }
-    return install<Sync>(word, fresh, spare, counters);
-  }
-
-  /// Where a lane's first word is; null if its strip is not there and the pool is used up.
-  template <class Counters>
-  std::uint32_t* lane_for(Workspace& workspace, Cell& c, std::uint32_t lane, Atomic<UnitIndex>* hint,
-                          Counters& counters) noexcept {
-    if (lane < kStripLanes) return c.strip + lane;
-    const UnitIndex more =
-        follow(c.more, more_, 1, workspace.more_, kMorePiece, workspace.spare_more_, counters);
-    if (more == 0) return nullptr;
-    if (hint != nullptr) hint->store(more, std::memory_order_relaxed);  // relaxed: see the header
-    return more_lane(more_strips(more), lane);
-  }
-  static std::uint32_t* more_lane(std::uint32_t* more, std::uint32_t lane) noexcept {
-    return more + (lane / kStripLanes - 1) * kStripWords + lane % kStripLanes;
   }
 
   /// Writes a copy of the record at `place`, and then shows it.
@@ -633,31 +453,29 @@ class Packed {
     walk.share = make_lane_share(a, a_max_);
     walk.moment = marks_.moment();
     walk.cells = walk.strips = walk.kept = 0;
-    for (std::uint32_t rest = levels_in_use_.load(std::memory_order_relaxed); rest != 0; rest &= rest - 1)
+    for (std::uint32_t rest = cells_.levels_in_use(); rest != 0; rest &= rest - 1)
       go_by(walk, std::countr_zero(rest));
-    const Branch& branch = go_by(walk, grid_level_);
+    const Branch& branch = go_by(walk, cells_.grid_level());
     walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
-    walk.level = grid_level_ + 1;
-    __builtin_prefetch(&node(walk.below));
+    walk.level = cells_.grid_level() + 1;
+    __builtin_prefetch(&cells_.node(walk.below));
   }
 
   /// Takes the grid's cell of `level` up.
   const Branch& go_by(Walk& walk, int level) noexcept {
-    const Entry* entry = &dense_entry(std::min(level, top_level()), walk.u);
-    if (level > top_level())  // brick 0 is nobody's: no cell is there
-      entry = &entry_in(entry->branch.node.load(std::memory_order_acquire /* P2 */), level, walk.u);
-    take_up(walk, entry->branch, level);
+    const auto& entry = cells_.entry_at(level, walk.u);
+    take_up(walk, entry.branch, level);
     // Unit 0 of a pool is nobody's, and harmless to prefetch.
-    prefetch(more_strips(entry->more.load(std::memory_order_relaxed)), kHintedBytes);
-    return entry->branch;
+    prefetch(cells_.strips(entry.more.load(std::memory_order_relaxed)), kHintedBytes);
+    return entry.branch;
   }
 
   /// Puts a branch's cell on the path if it is there.
   void take_up(Walk& walk, const Branch& branch, int level) noexcept {
     const UnitIndex here = branch.cell.load(std::memory_order_acquire /* P2 */);
     // No branch on what cannot be foreseen, here and below.
-    Cell& c = cell(here);
-    prefetch(&c, kCellBytes);
+    Cell& c = cells_.cell(here);
+    prefetch(&c, sizeof c);
     walk.cell[walk.cells] = &c;
     walk.cell_level[walk.cells] = level;
     walk.cells += here != 0;
@@ -666,10 +484,10 @@ class Packed {
   /// Goes one level down; false at the end of the path.
   bool step(Walk& walk) noexcept {
     if (walk.below == 0) return false;
-    const Branch& branch = node(walk.below).child[OctreeAddressing::octant(walk.u, walk.level - 1)];
+    const Branch& branch = cells_.node(walk.below).child[OctreeAddressing::octant(walk.u, walk.level - 1)];
     take_up(walk, branch, walk.level++);
     walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
-    __builtin_prefetch(&node(walk.below));
+    __builtin_prefetch(&cells_.node(walk.below));
     return true;
   }
 
@@ -685,7 +503,7 @@ class Packed {
       list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask) & 0xffffu, c.strip);
       if (mask >> kStripLanes == 0) continue;
       // Relaxed: the mask that shows one of its lanes was acquired (P6).
-      const std::uint32_t* more = more_strips(c.more.load(std::memory_order_relaxed));
+      const std::uint32_t* more = cells_.strips(c.more.load(std::memory_order_relaxed));
       for (std::uint32_t s = 1; s < kCellStrips; ++s)
         list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask >> (s * kStripLanes)) & 0xffffu,
                    more + (s - 1) * kStripWords);
@@ -754,9 +572,7 @@ class Packed {
   void forget_dropped(Cell& c) {
     // All orders relaxed: quiescent; the caller's synchronisation publishes.
     const UnitIndex more = c.more.load(std::memory_order_relaxed);
-    const auto lane_at = [&](std::uint32_t lane) {
-      return lane < kStripLanes ? c.strip + lane : more_lane(more_strips(more), lane);
-    };
+    const auto lane_at = [&](std::uint32_t lane) { return cells_.lane(c, more, lane); };
     std::uint64_t mask = 0;
     std::uint32_t kept = 0;
     // Where strips could not be had, no lane is published, so that none is asked for.
@@ -778,18 +594,12 @@ class Packed {
 
   OctreeAddressing addressing_;
   float a_max_;
-  int grid_level_;  // the grid's finest
   LaneKernels kernels_ = Lanes::best();
   std::uint64_t sessions_;
-  Grid grid_;
-  Bricks bricks_;
-  Nodes nodes_;
   Cells cells_;
-  More more_;
   Table table_;
   List list_;
   [[no_unique_address]] Marks marks_;
-  Atomic<std::uint32_t> levels_in_use_{0};  // above the grid's finest, a bit each
   // Places that dropped records left. Changed at rest only; sessions take batches of it, as of an arena.
   std::vector<UnitIndex> freed_;
   alignas(kNoSharing) Atomic<std::uint64_t> next_freed_{0};

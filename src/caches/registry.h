@@ -25,14 +25,18 @@
   X(queuing_mutex, QueuingMutexCache) \
   X(shared_mutex, SharedMutexCache) \
   X(spin_rw_mutex, SpinRwMutexCache) \
+  X(distributed_rw, DistributedRwCache) \
   X(node_lock, NodeLockCache)       \
   X(local_write, LocalWriteCache)   \
   X(wait_free, WaitFree)            \
   X(wait_free_snapshot, WaitFreeSnapshot) \
   X(packed_sequential, PackedSequential) \
   X(packed_global_mutex, PackedGlobalMutex) \
+  X(packed_global_spin, PackedGlobalSpin) \
+  X(packed_queuing_mutex, PackedQueuingMutex) \
   X(packed_shared_mutex, PackedSharedMutex) \
   X(packed_spin_rw_mutex, PackedSpinRwMutex) \
+  X(packed_distributed_rw, PackedDistributedRw) \
   X(packed_local_write, PackedLocalWrite) \
   X(packed_wait_free, PackedWaitFree) \
   X(packed_wait_free_snapshot, PackedWaitFreeSnapshot) \
@@ -59,6 +63,8 @@ using SharedMutexCache = Locked<PlainWardTree, SharedMutex, Counters>;
 template <class Counters = NoCounters>
 using SpinRwMutexCache = Locked<PlainWardTree, SpinRwMutex, Counters>;
 template <class Counters = NoCounters>
+using DistributedRwCache = Locked<PlainWardTree, DistributedRw<>, Counters>;
+template <class Counters = NoCounters>
 using NodeLockCache = Direct<WardTree<PlainSync, SpinNodeLock<>>, Counters>;
 template <class Counters = NoCounters>
 using LocalWriteCache = LocalWrite<WardTree<StdSync>, PlainWardTree, Counters>;
@@ -74,9 +80,15 @@ using PackedSequential = Direct<PlainPacked, Counters>;
 template <class Counters = NoCounters>
 using PackedGlobalMutex = Locked<PlainPacked, GlobalMutex, Counters>;
 template <class Counters = NoCounters>
+using PackedGlobalSpin = Locked<PlainPacked, GlobalSpin<>, Counters>;
+template <class Counters = NoCounters>
+using PackedQueuingMutex = Locked<PlainPacked, QueuingMutex, Counters>;
+template <class Counters = NoCounters>
 using PackedSharedMutex = Locked<PlainPacked, SharedMutex, Counters>;
 template <class Counters = NoCounters>
 using PackedSpinRwMutex = Locked<PlainPacked, SpinRwMutex, Counters>;
+template <class Counters = NoCounters>
+using PackedDistributedRw = Locked<PlainPacked, DistributedRw<>, Counters>;
 template <class Counters = NoCounters>
 using PackedLocalWrite = LocalWrite<Packed<StdSync>, PlainPacked, Counters>;
 template <class Counters = NoCounters>

@@ -46,7 +46,7 @@ inline constexpr std::array kScenes{
                0.15f},
     SceneEntry{"wobble", "room with a column that a sine wave runs up: a deforming mesh", false, wobble,
                0.12f},
-    SceneEntry{"desk", "study with a desk; a swivel chair rolls about", false, desk, 0.15f},
+    SceneEntry{"desk", "study with a desk; a swivel chair rolls about", false, desk, 0.13f},
     SceneEntry{"bunnies_1", "room with a bouncing bunny", false, bunnies_1, 0.11f},
     SceneEntry{"bunnies_2", "the same room with 2 bouncing bunnies", false, bunnies_2, 0.11f},
     SceneEntry{"bunnies_4", "the same room with 4 bouncing bunnies", false, bunnies_4, 0.11f},

@@ -371,6 +371,12 @@ struct EarlyRelease {
   using Write = Scope;
 };
 
+/// Readers and writers of the distributed lock that may both miss each other: each stores its own word and then loads the
+/// other's, and a load may be done before a store that precedes it.
+struct AcquireRelease {
+  static constexpr std::memory_order kStore = std::memory_order_release, kLoad = std::memory_order_acquire;
+};
+
 template <class Sync>
 using ExchangeThenLink = Direct<ExchangeThenLinkList<Sync>>;
 template <class Sync>
@@ -381,5 +387,7 @@ template <class Sync>
 using ReplicatedWithoutCommit = Direct<ReplicatedList<Sync>>;
 template <class Sync, class Plain>
 using LockReleasedEarly = Locked<UnsharedList<Plain>, EarlyRelease<Sync>>;
+template <class Sync, class Plain>
+using LockWithoutOrder = Locked<UnsharedList<Plain>, DistributedRw<Sync, AcquireRelease>>;
 
 }  // namespace icbench::stress

@@ -1,0 +1,325 @@
+// Takes a query apart: what it costs in one structure after another, each with one thing more than the last, and what
+// each has to read for it. One thread, read-only; for why the packed octree is faster than Ward's, and what is left.
+//
+//   wait_free         Ward's structure: a record is stored once, so a query looks into all cells whose records may reach it
+//   replicated        copies of whole records in all cells that they reach, so that a query looks along one path
+//   packed_scalar     packed_wait_free without vectors: copies of 8 bytes, whole records for what they leave
+//   packed_wait_free  with vectors
+//   packed_batch      the same, 8 queries under way at once
+//   packed_frozen     what is left when nothing can change any more
+//   told              what is left when the valid records are known beforehand
+//
+// Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what counts.
+// Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a query
+// reads, lists that it looks into, items (records, or copies) that it tests there, records_read whole, and how many of
+// them are valid; and, for one point, which records these are (`example`).
+//
+// Exit status: 0 done, 2 bad usage.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <numeric>
+#include <unordered_set>
+
+#include "harness/environment.h"
+#include "harness/progress.h"
+#include "harness/results.h"
+#include "rows/read_only_structures.h"
+
+namespace icbench {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// What queries to a structure of NotedSync have read since the last start.
+struct Noted {
+  std::unordered_set<std::uintptr_t> lines;
+  std::uint64_t lists = 0, items = 0;
+  std::vector<Record> records;
+
+  void start() {
+    lines.clear();
+    lists = items = 0;
+    records.clear();
+  }
+  void reads(const void* memory, std::size_t bytes) {
+    constexpr std::uintptr_t kLine = 64;
+    const auto first = reinterpret_cast<std::uintptr_t>(memory);
+    for (std::uintptr_t line = first / kLine; line <= (first + bytes - 1) / kLine; ++line) lines.insert(line);
+    if (bytes == sizeof(Record)) records.push_back(*static_cast<const Record*>(memory));
+  }
+  void extent(std::uint32_t n) {
+    ++lists;
+    items += n;
+  }
+};
+Noted noted;  // one thread
+
+template <class T>
+class NotedAtomic : public PlainAtomic<T> {
+ public:
+  using PlainAtomic<T>::PlainAtomic;
+  T load(std::memory_order order) const {
+    noted.reads(this, sizeof *this);
+    return PlainAtomic<T>::load(order);
+  }
+};
+
+/// Ordinary memory, of which it is noted what is read.
+struct NotedSync : NoHooks {
+  template <class T>
+  using Atomic = NotedAtomic<T>;
+  static constexpr bool kConcurrent = false;
+  static void reads(const void* memory, std::size_t bytes) { noted.reads(memory, bytes); }
+  static void extent(std::uint32_t n) { noted.extent(n); }
+};
+
+Json to_json(const glm::vec3& v) { return Json::array({v.x, v.y, v.z}); }
+
+/// Means over the plan's points of what a query to `Structure<NotedSync>` reads, and the whole of it for one point.
+template <class Structure>
+Json what_is_read(const SyntheticPlan& plan, std::size_t example) {
+  Direct<Structure, WithCounters> cache(plan.config(1));
+  auto session = cache.open_session(0);
+  for (const Record& r : plan.records()) session.insert(r);
+  double lines = 0.0, lists = 0.0, items = 0.0;
+  const auto ask = [&](const SurfacePoint& x) {
+    noted.start();
+    session.query(x);
+  };
+  for (const SurfacePoint& x : plan.points()) {
+    ask(x);
+    lines += static_cast<double>(noted.lines.size());
+    lists += static_cast<double>(noted.lists);
+    items += static_cast<double>(noted.items);
+  }
+  const auto n = static_cast<double>(plan.points().size());
+  const Counts counts = cache.counters();
+  const SurfacePoint& x = plan.points()[example];
+  ask(x);
+  Json read = Json::array();
+  for (const Record& r : noted.records)
+    read.push_back(Json{
+        {"p", to_json(r.p)}, {"radius", r.R}, {"valid", split_sphere_weight(x, r, plan.config(1).a) > 0.0f}});
+  return Json{{"cache_lines", lines / n},
+              {"lists", lists / n},
+              {"items", items / n},
+              {"records_read", static_cast<double>(counts.records_read) / n},
+              {"records_valid", static_cast<double>(counts.records_valid) / n},
+              {"bytes_per_record",
+               static_cast<double>(cache.memory_bytes()) / static_cast<double>(plan.records().size())},
+              {"example", Json{{"p", to_json(x.p)},
+                               {"n", to_json(x.n)},
+                               {"accuracy", plan.config(1).a},
+                               {"cache_lines", noted.lines.size()},
+                               {"lists", noted.lists},
+                               {"items", noted.items},
+                               {"records", read}}}};
+}
+
+/// The point whose query reads as many records of Ward's structure as the median.
+std::size_t usual_point(const SyntheticPlan& plan) {
+  Direct<WardTree<NotedSync>> cache(plan.config(1));
+  auto session = cache.open_session(0);
+  for (const Record& r : plan.records()) session.insert(r);
+  constexpr std::size_t kTried = 1001;
+  std::vector<std::pair<std::size_t, std::size_t>> read;
+  for (std::size_t i = 0; i < std::min(kTried, plan.points().size()); ++i) {
+    noted.start();
+    session.query(plan.points()[i]);
+    read.emplace_back(noted.records.size(), i);
+  }
+  std::nth_element(read.begin(), read.begin() + static_cast<std::ptrdiff_t>(read.size() / 2), read.end());
+  return read[read.size() / 2].second;
+}
+
+/// One of the structures that are compared.
+class Part {
+ public:
+  explicit Part(std::string name) : name_(std::move(name)) {}
+  virtual ~Part() = default;
+  const std::string& name() const noexcept { return name_; }
+  /// Of kTimedQueries queries.
+  virtual double seconds_of_queries(std::uint32_t first) = 0;
+  double checksum() const noexcept { return checksum_; }
+
+ protected:
+  double checksum_ = 0.0;
+
+ private:
+  std::string name_;
+};
+
+template <class Cache>
+class Single : public Part {
+ public:
+  Single(std::string name, const SyntheticPlan& plan)
+      : Part(std::move(name)), points_(plan.points()), cache_(plan) {}
+  double seconds_of_queries(std::uint32_t first) override {
+    auto&& session = cache_.session();
+    return query_seconds(session, points_, first, checksum_);
+  }
+
+ private:
+  std::span<const SurfacePoint> points_;
+  Filled<Cache> cache_;
+};
+
+/// query_seconds asks for one point after the other: it is given the answers of batches.
+template <class Cache>
+class Batched : public Part {
+ public:
+  Batched(std::string name, const SyntheticPlan& plan)
+      : Part(std::move(name)), points_(plan.points()), cache_(plan) {}
+  double seconds_of_queries(std::uint32_t first) override {
+    auto&& session = cache_.session();
+    InBatches asked{session, points_, {}, 0};
+    return query_seconds(asked, points_, first, checksum_);
+  }
+
+ private:
+  using Session = std::remove_cvref_t<decltype(std::declval<Filled<Cache>&>().session())>;
+  struct InBatches {
+    Session& session;
+    std::span<const SurfacePoint> points;
+    std::array<std::optional<Irradiance>, 64> answers;
+    std::size_t left;
+
+    std::optional<Irradiance> query(const SurfacePoint& x) {
+      if (left == 0) {
+        const auto at = static_cast<std::size_t>(&x - points.data());
+        left = std::min(answers.size(), points.size() - at);
+        session.query_batch(points.subspan(at, left), std::span(answers).first(left));
+        std::reverse(answers.begin(), answers.begin() + static_cast<std::ptrdiff_t>(left));
+      }
+      return answers[--left];
+    }
+  };
+
+  std::span<const SurfacePoint> points_;
+  Filled<Cache> cache_;
+};
+
+struct Options {
+  std::string out = "anatomy.json";
+  std::uint32_t records = 100'000;
+  unsigned repetitions = 25;
+  std::uint64_t seed = 1;
+};
+
+struct Order {
+  std::string_view name, workload;
+};
+constexpr Order kOrders[] = {{"random", "read_only"}, {"coherent", "read_only:order=coherent"}};
+
+void run(const Options& o, const std::vector<std::string>& command_line) {
+  const Topology topology = Topology::of_this_process();
+  RunInfo info;
+  info.command_line = command_line;
+  info.seed = o.seed;
+  info.thread_counts = {1};
+  const Json context = environment(topology, info);
+  ResultsWriter results(o.out, context,
+                        Json{{"command", "anatomy"},
+                             {"records", o.records},
+                             {"repetitions", o.repetitions},
+                             {"seed", o.seed},
+                             {"environment", environment_identity(context)}});
+  const Work work = Work::calibrate();
+  const Machine machine{topology, work, o.seed};
+  machine.bind();
+  Progress progress("anatomy", static_cast<double>(std::size(kOrders) * (o.repetitions + 1)));
+  const RayTracer rays(make_scene("cornell_box"));
+  fmt::print("{:<10} {:<18} {:>9} {:>12} {:>8} {:>14}\n", "points", "structure", "ns/query", "cache lines",
+             "tested", "records read");
+  for (const Order& order : kOrders) {
+    const std::string workload = fmt::format("{}:records={}", order.workload, o.records);
+    const SyntheticPlan plan(parse_workload(workload), rays, o.seed);
+    const std::size_t example = usual_point(plan);
+    using PackedScalar = Direct<Packed<StdSync, AtFirstSight, ScalarLanes>>;
+    std::vector<std::unique_ptr<Part>> parts;
+    parts.push_back(std::make_unique<Single<WaitFree<>>>("wait_free", plan));
+    parts.push_back(std::make_unique<Single<ReplicatedOctree>>("replicated", plan));
+    parts.push_back(std::make_unique<Single<PackedScalar>>("packed_scalar", plan));
+    parts.push_back(std::make_unique<Single<PackedWaitFree<>>>("packed_wait_free", plan));
+    parts.push_back(std::make_unique<Batched<PackedWaitFree<>>>("packed_batch", plan));
+    parts.push_back(std::make_unique<Single<PackedFrozen>>("packed_frozen", plan));
+    parts.push_back(std::make_unique<Single<ToldRecords>>("told", plan));
+    std::map<std::string, Json> read;
+    read["wait_free"] = what_is_read<WardTree<NotedSync>>(plan, example);
+    read["packed_wait_free"] = read["packed_scalar"] =
+        what_is_read<Packed<NotedSync, AtFirstSight, ScalarLanes>>(plan, example);
+    progress.advance(1.0, order.name);
+
+    std::map<std::string, std::vector<double>> ns;
+    Pcg32 random(hash_keys(o.seed, 17));
+    std::vector<std::size_t> turn(parts.size());
+    std::iota(turn.begin(), turn.end(), std::size_t{0});
+    for (unsigned repetition = 0; repetition < o.repetitions; ++repetition) {
+      std::shuffle(turn.begin(), turn.end(), random);
+      const std::uint32_t first = random.below(static_cast<std::uint32_t>(plan.points().size()));
+      for (const std::size_t i : turn) {
+        Part& part = *parts[i];
+        const double wall = part.seconds_of_queries(first);
+        const double each = wall / kTimedQueries * 1e9;
+        ns[part.name()].push_back(each);
+        Entry entry;
+        entry.name = fmt::format("anatomy/{}/{}", order.name, part.name());
+        entry.repetitions = o.repetitions;
+        entry.repetition_index = repetition;
+        entry.real_time = entry.cpu_time = wall * 1e3;
+        entry.items_per_second = kTimedQueries / wall;
+        entry.counters = Json{{"part", part.name()},
+                              {"points", order.name},
+                              {"records", plan.records().size()},
+                              {"ns_per_query", each}};
+        // The same for all repetitions: told once.
+        if (const auto at = read.find(part.name()); repetition == 0 && at != read.end())
+          entry.counters.update(at->second);
+        results.add(entry);
+      }
+      progress.advance(1.0, order.name);
+    }
+    double checksum = 0.0;
+    for (const auto& part : parts) {
+      checksum += part->checksum();
+      const auto at = read.find(part->name());
+      const auto figure = [&](const char* field) {
+        return at == read.end() ? std::string("-")
+                                : fmt::format("{:.1f}", at->second.at(field).get<double>());
+      };
+      fmt::print("{:<10} {:<18} {:>9.0f} {:>12} {:>8} {:>14}\n", order.name, part->name(),
+                 median(ns[part->name()]), figure("cache_lines"), figure("items"), figure("records_read"));
+    }
+    if (!std::isfinite(checksum)) throw std::runtime_error("a query answered with what is no number");
+  }
+  results.finish();
+  progress.finish();
+}
+
+}  // namespace
+}  // namespace icbench
+
+int main(int argc, char** argv) {
+  icbench::Options o;
+  CLI::App app{"Takes a query apart: what it costs in one structure after another, and what it reads",
+               "anatomy"};
+  app.add_option("--out,--json", o.out, "Results (JSON); written as the work goes on")->capture_default_str();
+  app.add_option("--records", o.records, "Records in the caches")
+      ->check(CLI::Range(1000u, 10'000'000u))
+      ->capture_default_str();
+  app.add_option("--repetitions", o.repetitions, "Times that each structure is asked, in random order")
+      ->check(CLI::Range(1u, 100'000u))
+      ->capture_default_str();
+  app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    icbench::run(o, {argv, argv + argc});
+    return 0;
+  } catch (const CLI::Success& e) {
+    return app.exit(e);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "anatomy: {}\n", e.what());
+    return 2;
+  }
+}

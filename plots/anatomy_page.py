@@ -1,0 +1,87 @@
+"""The report's part on why the fastest cache is fast: its structure, step by step, and what bounds it."""
+from __future__ import annotations
+
+import style  # first: it checks what is installed
+
+import numpy as np
+import pandas as pd
+
+from anatomy_results import kParts, kPoints, kReads, points
+from pareto_results import Measured
+from tables import interval, note_line, table, text
+
+kTitle = "Why the winner wins"
+kLead = ("<p>All caches of this suite answer with the same records. What differs is how much they have to read to find "
+         "them, and in how many waits for memory. Below, the structure of the thesis becomes the packed octree in "
+         "steps, with one thread and without any lock, so that nothing but the structure counts; the figure "
+         "“Structure or mechanism” sets beside it what mechanisms do on top.</p>")
+
+
+def _ratio(part: pd.DataFrame, above: str, below: str) -> float | None:
+    ns = part.set_index("part")["ns"]
+    return ns[above] / ns[below] if {above, below} <= set(ns.index) else None
+
+
+def sentences(table: pd.DataFrame) -> str:
+    """What the numbers say, for each order of points."""
+    made = ""
+    for name, part in table.groupby("points", sort=False):
+        whole = _ratio(part, "wait_free", "packed_wait_free")
+        if whole is None:
+            continue
+        said = (f"At {kPoints.get(name, name)} a packed query is {style.number(whole)} times as fast as one to Ward's "
+                "structure.")
+        reads = part.set_index("part")
+        if "cache_lines" in reads and reads["cache_lines"].notna().sum() > 1:
+            ward, packed = reads.loc["wait_free"], reads.loc["packed_wait_free"]
+            said += (f" It reads {style.number(packed['cache_lines'])} cache lines instead of "
+                     f"{style.number(ward['cache_lines'])}, and {style.number(packed['records_read'])} whole records "
+                     f"instead of {style.number(ward['records_read'])}, of which "
+                     f"{style.number(packed['records_valid'])} are valid.")
+        steps = [("wait_free", "replicated", "one path instead of many"),
+                 ("replicated", "packed_scalar", "small copies instead of whole records"),
+                 ("packed_scalar", "packed_wait_free", "vectors")]
+        worth = [(what, _ratio(part, above, below)) for above, below, what in steps]
+        worth = [f"{what} {style.number(ratio)}" for what, ratio in worth if ratio is not None]
+        if worth:
+            said += f" Step by step: {', '.join(worth)} times."
+        left = _ratio(part, "packed_wait_free", "told")
+        if left is not None:
+            said += (f" A query that is told which records are valid, and only reads, weighs and adds them, is another "
+                     f"{style.number(left)} times as fast: no structure can gain more than that.")
+        made += f"<p><b>{text(said)}</b></p>"
+    return made
+
+
+def numbers(everything: pd.DataFrame) -> str:
+    """A line for every structure."""
+    made = ""
+    shown = [n for n in (*kReads, "bytes_per_record") if n in everything and everything[n].notna().any()]
+    names = kReads | {"bytes_per_record": "bytes a record"}
+    head = ('<th>structure</th><th class="n">ns a query</th>'
+            + "".join(f'<th class="n">{text(names[n])}</th>' for n in shown))
+    for name, part in everything.groupby("points", sort=False):
+        lines = []
+        for _, line in part.iterrows():
+            word, what = kParts.get(line["part"], (line["part"], ""))
+            cells = [f'<td>{text(word)}<span class="under">{text(what)}</span></td>',
+                     f'<td class="n">{interval(line["ns"], line["ns_low"], line["ns_high"])}</td>']
+            cells += [f'<td class="n">{style.number(line[n]) if np.isfinite(line[n]) else "–"}</td>' for n in shown]
+            lines.append(f"<tr>{''.join(cells)}</tr>")
+        made += f"<h3>{text(kPoints.get(name, name).capitalize())}</h3>{table(head, lines, 'wide')}"
+    return made
+
+
+def section(measured: Measured, anchor: str, figures: str) -> str:
+    """The page. `figures`: their HTML."""
+    everything = points(measured)
+    made = f'<h2 id="{anchor}">{text(kTitle)}</h2>{kLead}'
+    if not measured.complete:
+        made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
+    records = int(everything["records"].max())
+    made += sentences(everything) + figures + numbers(everything)
+    made += note_line(f"Median [low, high] over {style.plural(int(everything['n'].max()), 'repetition')}; {records:,} "
+                      "records in Cornell box, one thread, read-only. What is read is a mean over all points; a dash: "
+                      "not counted, since it is no cache")
+    paths = ", ".join(path.name for path in measured.paths)
+    return made + f'<p class="note">From <code>{text(paths)}</code>, measured on {text(measured.label)}.</p>'

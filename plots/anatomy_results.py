@@ -1,0 +1,76 @@
+"""Files of bench's anatomy: loading, and medians of every structure with what its queries read."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import style  # first: it checks what is installed
+
+import pandas as pd
+
+from pareto_results import Measured, pool, read_rows
+from results import InputError, summarise
+
+kFiles = "results of anatomy"
+# What is compared, each with one thing more than the last: part, name, what a query to it is.
+kParts = {
+    "wait_free": ("Ward's structure", "every record is stored once, by its size; a query looks into all cells whose "
+                  "records may reach its point"),
+    "replicated": ("one path", "whole copies of a record in every cell that it reaches; a query looks along one path"),
+    "packed_scalar": ("packed, no vectors", "cells hold 8 bytes of a record; the whole one is read only if these "
+                      "leave it in question"),
+    "packed_wait_free": ("packed", "the same with vectors: packed_wait_free as it ships"),
+    "packed_batch": ("packed, in batches", "8 queries under way at once: while one waits for memory, others go on"),
+    "packed_frozen": ("frozen", "what is left when nothing can change any more"),
+    "told": ("told", "what is left when the valid records are known beforehand: reading, weighing and adding them"),
+}
+# Means over all points of what one query reads: field, name.
+kReads = {"cache_lines": "cache lines", "lists": "lists looked into", "items": "records or copies tested",
+          "records_read": "whole records read", "records_valid": "valid records"}
+kPoints = {"random": "random points", "coherent": "points of an image"}
+kKeys = ["points", "part"]
+
+
+def _read(path: Path) -> tuple[dict, pd.DataFrame]:
+    context, rows = read_rows(path, "anatomy", kFiles, (*kKeys, "ns_per_query", "records"))
+    for name in {*kReads, "ns_per_query", "records", "bytes_per_record", "repetition_index"} & set(rows):
+        rows[name] = pd.to_numeric(rows[name], errors="coerce")
+    rows = rows[rows["ns_per_query"] > 0]
+    if rows.empty:
+        raise InputError(f"{path}: no row has a time")
+    return context, rows
+
+
+def load(paths) -> list[Measured]:
+    """Raises InputError for a file that is none of anatomy."""
+    return pool(paths, _read, "anatomy")
+
+
+def points(measured: Measured) -> pd.DataFrame:
+    """One line per order of points and structure, in the order of kParts: the time of a query, ns, with its interval,
+    and what a query reads, where that is known.
+    """
+    rows = measured.rows
+    table = summarise(rows, kKeys, "ns_per_query").drop(columns="spread").rename(
+        columns={"median": "ns", "low": "ns_low", "high": "ns_high"})
+    known = rows.groupby(kKeys, sort=True)
+    for name in [n for n in (*kReads, "bytes_per_record", "records") if n in rows]:
+        table = table.merge(known[name].max().rename(name), on=kKeys, how="left")
+    order = [*kParts]
+    table["place"] = [order.index(p) if p in order else len(order) for p in table["part"]]
+    return table.sort_values(["points", "place", "part"], ascending=[False, True, True]).drop(
+        columns="place").reset_index(drop=True)
+
+
+def name_of(part: str) -> str:
+    return kParts[part][0] if part in kParts else part.replace("_", " ")
+
+
+def examples(measured: Measured) -> dict[str, dict[str, dict]]:
+    """What queries at one point read: by order of points and structure."""
+    found: dict[str, dict[str, dict]] = {}
+    if "example" not in measured.rows:
+        return found
+    for _, row in measured.rows.iterrows():
+        if isinstance(row["example"], dict) and row["example"].get("records"):
+            found.setdefault(row["points"], {}).setdefault(row["part"], row["example"])
+    return found
