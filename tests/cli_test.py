@@ -390,23 +390,21 @@ class Trace(Case):
         # All that decides whether a query is answered: gradients, elliptic records, the guard against leaks, glass,
         # passes over one frame, records that go with it, stay, or are renewed.
         for changes in (
-                {"integrator": "irradiance_cache", "spp": 2},
+                {"integrator": "irradiance_cache", "spp": 2, "flags": ["--overture", "--leak-guard"]},
                 {"integrator": "irradiance_cache", "interpolation": "gradients", "scene": "cornell_specular"},
                 {"integrator": "irradiance_cache", "interpolation": "occlusion_hessian", "rays": 64},
                 {"integrator": "irradiance_cache", "scene": "cornell_camera", "frames": 3},
                 {"integrator": "instant_caching", "vpls": 16, "frames": 3},
                 {"integrator": "temporal_instant_caching", "vpls": 16, "frames": 3}):
-            for flags in ([], ["--overture"], ["--leak-guard"]):
-                if flags == ["--leak-guard"] and changes["integrator"] != "irradiance_cache":
-                    continue
-                with self.subTest(changes, flags=flags):
-                    self.succeed(*small_capture(**changes, out="a.trace", json="a.json"), *flags)
-                    asked = self.load("a.json")
-                    self.assertEqual(asked["queries"], sum(frame["queries"] for frame in asked["frames"]))
-                    for row in self.replay("--threads", "1", "--caches", "wait_free,packed_local_write"):
-                        self.assertIs(row["same_records"], True)
-                        self.assertEqual(row["queries"], asked["queries"])
-                        self.assertEqual((row["stand_ins"], row["redundant_records"]), (0, 0))
+            flags = changes.pop("flags", [])
+            with self.subTest(changes, flags=flags):
+                self.succeed(*small_capture(**changes, out="a.trace", json="a.json"), *flags)
+                asked = self.load("a.json")
+                self.assertEqual(asked["queries"], sum(frame["queries"] for frame in asked["frames"]))
+                for row in self.replay("--threads", "1", "--caches", "wait_free,packed_local_write"):
+                    self.assertIs(row["same_records"], True)
+                    self.assertEqual(row["queries"], asked["queries"])
+                    self.assertEqual((row["stand_ins"], row["redundant_records"]), (0, 0))
 
     def test_tells_what_a_trace_holds(self):
         self.succeed(*small_capture(out="a.trace", json="a.json", threads=2))

@@ -54,6 +54,14 @@ struct Sweep::PlanData {
   std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
 };
 
+std::uint64_t trace_checksum(const WorkloadSpec& spec) {
+  if (spec.file.empty()) {
+    throw std::runtime_error(fmt::format(
+        "workload '{}' names no file; give trace:file=PATH, which icbench trace capture writes", spec.name));
+  }
+  return read_trace_header(spec.file).checksum;
+}
+
 Sweep::~Sweep() = default;
 
 Sweep::Sweep(SweepRequest request, const Topology& topology)
@@ -64,13 +72,7 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
   std::size_t points_in_all = 0;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
   for (const WorkloadSpec& spec : request_.workloads) {
-    if (spec.kind == WorkloadKind::trace) {
-      if (spec.file.empty())
-        throw std::runtime_error(fmt::format(
-            "workload '{}' names no file; give trace:file=PATH, which icbench trace capture writes",
-            spec.name));
-      read_trace_header(spec.file);
-    }
+    if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
     if (spec.kind != WorkloadKind::ray_traced) continue;
     // Hits, the reference and its halves, and the trial's own image.
     constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 4 * sizeof(glm::vec3);
