@@ -1,5 +1,5 @@
-// Traces: what is captured comes back bit for bit, on one thread any cache is led to the same records, many threads leave
-// what a cache must hold, and a file that is not whole is never taken.
+// Traces: what is captured comes back bit for bit, on one thread any cache is led to the same records, many threads
+// leave what a cache must hold, and a file that is not whole is never taken.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

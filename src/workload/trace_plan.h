@@ -4,8 +4,8 @@
 // miss in a replay: another thread has not come by yet, or the cache keeps its inserts from it. The record that the
 // renderer would have computed is not in the trace. In its stead, one is made at the query's point with the radius, the
 // irradiance and the cost of the record that lies nearest (by the error term of core/interpolation.h for one radius),
-// among all that the render had made when its records went; its id is the operation's number. So counts, costs and where
-// records lie are nearly those of a render; irradiance is not, and no picture can be made of it.
+// among all that the render had made when its records went; its id is the operation's number. So counts, costs and
+// where records lie are nearly those of a render; irradiance is not, and no picture can be made of it.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
-// Replays a trace on one cache: its queries tile by tile, tiles by whichever thread is free, as in the render; on a miss
-// work for as long as the record took, times the plan's scale, and the record is inserted. No rays are traced. What the
-// renderer did between an answer and the next query (materials, the picture) is not in the trace.
+// Replays a trace on one cache: its queries tile by tile, tiles by whichever thread is free, as in the render; on a
+// miss work for as long as the record took, times the plan's scale, and the record is inserted. No rays are traced.
+// What the renderer did between an answer and the next query (materials, the picture) is not in the trace.
 //
 // On one thread, a trace that was captured from one leaves the same records, bit for bit, with every cache that keeps
 // its promise: whether a query is answered depends on which records are there and valid, and on nothing else. Queries

@@ -1,5 +1,5 @@
-// The cached pass that captures a trace of what it does. Instantiated once per cache, apart from the pass that does not,
-// whose machine code is then the same as if there were no traces.
+// The cached pass that captures a trace of what it does. Instantiated once per cache, apart from the pass that does
+// not, whose machine code is then the same as if there were no traces.
 #pragma once
 
 #include <memory>
