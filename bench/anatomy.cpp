@@ -1,7 +1,8 @@
 // Takes a query apart: what it costs in one structure after another, each with one thing more than the last, and what
 // each has to read for it. One thread, read-only; for why the packed octree is faster than Ward's, and what is left.
 //
-//   wait_free         Ward's structure: a record is stored once, so a query looks into all cells whose records may reach it
+//   wait_free         Ward's structure: a record is stored once, so a query looks into all cells whose records may
+//                     reach it
 //   replicated        copies of whole records in all cells that they reach, so that a query looks along one path
 //   packed_scalar     packed_wait_free without vectors: copies of 8 bytes, whole records for what they leave
 //   packed_wait_free  with vectors
@@ -9,10 +10,10 @@
 //   packed_frozen     what is left when nothing can change any more
 //   told              what is left when the valid records are known beforehand
 //
-// Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what counts.
-// Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a query
-// reads, lists that it looks into, items (records, or copies) that it tests there, records_read whole, and how many of
-// them are valid; and, for one point, which records these are (`example`).
+// Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what
+// counts. Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a
+// query reads, lists that it looks into, items (records, or copies) that it tests there, records_read whole, and how
+// many of them are valid; and, for one point, which records these are (`example`).
 //
 // Exit status: 0 done, 2 bad usage.
 #include <fmt/format.h>

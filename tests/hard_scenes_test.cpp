@@ -38,7 +38,8 @@ TEST(HardScenes, ALampTooSmallToHaveAnAreaShinesAsAPoint) {
   judge_direct("speck of light", rays, points);
 }
 
-// Guards against: shadow rays that miss a narrow gap or slip past its edges, be it one of a millimetre in a hall of 100 m.
+// Guards against: shadow rays that miss a narrow gap or slip past its edges, be it one of a millimetre in a hall of 100
+// m.
 TEST(HardScenes, ALampBehindASlitShinesAsFarAsItIsSeen) {
   struct Slit {
     const char* name;

@@ -241,7 +241,8 @@ TEST_P(RenderInterpolation, LightOfAnyBrightnessGivesThePicture) {
 }
 
 // A room open to the front, lit by way of its back wall. On the right half of its floor lies a flat black box, open to
-// the front too, with thin walls; its left wall ends `gap` above the floor. What light there is inside came through that.
+// the front too, with thin walls; its left wall ends `gap` above the floor. What light there is inside came through
+// that.
 Scene room_with_box(float gap) {
   constexpr float kLid = 0.08f;
   Scene s;

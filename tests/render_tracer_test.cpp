@@ -116,8 +116,8 @@ TEST(RenderTracer, ARayThatLeavesAConvexSolidDoesNotMeetItAgain) {
   }
 }
 
-// Triangles of all sizes and slants anywhere in a scene of 100 m, and rays that start a half and a quarter as far off them
-// as they need to: kEpsilonShare leaves room.
+// Triangles of all sizes and slants anywhere in a scene of 100 m, and rays that start a half and a quarter as far off
+// them as they need to: kEpsilonShare leaves room.
 TEST(RenderTracer, ARayThatLeavesATriangleDoesNotMeetItAgain) {
   constexpr float kReach = 100.0f;
   Pcg32 random(3);

@@ -134,8 +134,8 @@ double between(double x, double x0, double y0, double x1, double y1) {
 }
 
 // At so many rays a record that both are judged by where their records lie: with 1,024 rays the noise of the records is
-// up to twice the error of interpolation, the same in both, and hides what is asked for. In irradiance, which is what is
-// interpolated: radiance would count it by how white the surface is.
+// up to twice the error of interpolation, the same in both, and hides what is asked for. In irradiance, which is what
+// is interpolated: radiance would count it by how white the surface is.
 class RecordsAtEqualError : public Judged {
  public:
   RecordsAtEqualError(const Machine& machine, std::string_view scene)

@@ -19,8 +19,8 @@ inline constexpr std::array<std::string_view, 11> kDiffuseScenes{
 std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
                                                     std::string_view integrator);
 
-/// Records that the occlusion Hessian needs over those that the split sphere needs for the same root-mean-square error of
-/// irradiance against path tracing, the reference's own error taken out. A sample is one seed. Needs no quiet.
+/// Records that the occlusion Hessian needs over those that the split sphere needs for the same root-mean-square error
+/// of irradiance against path tracing, the reference's own error taken out. A sample is one seed. Needs no quiet.
 std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene);
 
 /// Relative mean squared error of the best cached picture that takes no longer than path tracing with `spp` samples,

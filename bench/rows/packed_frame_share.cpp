@@ -1,5 +1,5 @@
-// How much of a rendered frame is spent in the cache: all of its queries and inserts, timed one by one, over the threads'
-// time. The clock's own time is taken off both.
+// How much of a rendered frame is spent in the cache: all of its queries and inserts, timed one by one, over the
+// threads' time. The clock's own time is taken off both.
 #include "caches/registry.h"
 #include "harness/ticks.h"
 #include "rows/rows.h"

@@ -1,5 +1,5 @@
-// What vectors are worth by themselves: the tests of lanes and records of a packed octree's queries, noted and made again
-// by scalar code and by vectors, without what else a query does.
+// What vectors are worth by themselves: the tests of lanes and records of a packed octree's queries, noted and made
+// again by scalar code and by vectors, without what else a query does.
 #include <vector>
 
 #include "caches/registry.h"

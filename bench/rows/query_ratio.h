@@ -28,10 +28,10 @@ class Filled {
 };
 
 /// Wall time of kTimedQueries queries to `asked`, something with `query`, at `points` from number `first` on, round and
-/// round; adds to `checksum`. What was asked last is warm: so it is first asked at the points before, untimed, until the
-/// processor's caches hold of it what they hold when nothing else is asked. Long against the clock, short against the
-/// machine's drift. A query to the largest structure reads some 20 cache lines, so that those before the clock starts
-/// replace what a few tens of megabytes hold.
+/// round; adds to `checksum`. What was asked last is warm: so it is first asked at the points before, untimed, until
+/// the processor's caches hold of it what they hold when nothing else is asked. Long against the clock, short against
+/// the machine's drift. A query to the largest structure reads some 20 cache lines, so that those before the clock
+/// starts replace what a few tens of megabytes hold.
 inline constexpr std::uint32_t kTimedQueries = 16'000, kQueriesBefore = 24'000;
 template <class Asked>
 double query_seconds(Asked& asked, std::span<const SurfacePoint> points, std::uint32_t first,
@@ -49,7 +49,8 @@ double query_seconds(Asked& asked, std::span<const SurfacePoint> points, std::ui
   return seconds([&] { ask(kTimedQueries); });
 }
 
-/// Both caches hold the same records; a sample asks both at the same points, one after the other. `Above` and `Below`: what Filled is defined for.
+/// Both caches hold the same records; a sample asks both at the same points, one after the other. `Above` and `Below`:
+/// what Filled is defined for.
 template <class Above, class Below>
 class QueryRatio : public Experiment {
  public:

@@ -1,5 +1,5 @@
-// A structure that nobody writes while it is read, and a log of what is new: as Open PGL treats its samples, whose field
-// is read-only within a frame while samples go to concurrent vectors, and is updated from them between frames.
+// A structure that nobody writes while it is read, and a log of what is new: as Open PGL treats its samples, whose
+// field is read-only within a frame while samples go to concurrent vectors, and is updated from them between frames.
 //
 // Use: AppendLog<Packed<PlainSync>>, a rival. Insert appends to one tbb::concurrent_vector that all sessions share;
 // end_frame puts what is in it into the structure. Open PGL's samples take no effect before that. Of a cache that would
@@ -10,9 +10,9 @@
 // Consistency: frame (own inserts at once, everybody's after end_frame; before an update of records, too).
 //
 // Progress: a query is wait-free; it takes the steps that reading the structure takes (visit_steps), and reads memory
-// that nobody writes, or only its own session. Insert is blocking: threads whose elements lie in the same new segment of
-// the vector wait for the one that allocates it, and the allocator may lock. Memory that the system does not have ends
-// the process, as with any container.
+// that nobody writes, or only its own session. Insert is blocking: threads whose elements lie in the same new segment
+// of the vector wait for the one that allocates it, and the allocator may lock. Memory that the system does not have
+// ends the process, as with any container.
 //
 // Publication: none during a frame; the caller's synchronisation at quiescent points publishes what end_frame built.
 #pragma once

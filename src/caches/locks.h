@@ -2,8 +2,8 @@
 // per node.
 //
 // A global policy names its Mutex and two scoped types, Read and Write, constructed from (Mutex&, Counters&). One whose
-// sessions have a part of the lock each also names that, Reader; Read is then constructed from (Reader&, Counters&), and
-// the mutex is told of every session's by admit(Reader&) before any of them is used.
+// sessions have a part of the lock each also names that, Reader; Read is then constructed from (Reader&, Counters&),
+// and the mutex is told of every session's by admit(Reader&) before any of them is used.
 // With counters on, a lock is tried once first, so that an acquisition that has to wait can be timed.
 #pragma once
 
@@ -76,11 +76,11 @@ struct InOneOrder {
 ///
 /// Writers exclude each other by the spin lock (L1). Of a reader and a writer one sees the other:
 ///
-///   D1  try_lock_shared: store of `reading`, then load of `writing`; lock: store of `writing`, then loads of `reading`.
-///       All sequentially consistent: in their one order either the reader's store is before the writer's load, which
-///       sees it, or the writer's store is before the reader's load.
-///   D2  unlock_shared, a try in vain: store release of `reading` -> lock: load of `reading`; what was read is overwritten
-///       only after.
+///   D1  try_lock_shared: store of `reading`, then load of `writing`; lock: store of `writing`, then loads of
+///       `reading`. All sequentially consistent: in their one order either the reader's store is before the writer's
+///       load, which sees it, or the writer's store is before the reader's load.
+///   D2  unlock_shared, a try in vain: store release of `reading` -> lock: load of `reading`; what was read is
+///       overwritten only after.
 ///   D3  unlock: store release of `writing` -> try_lock_shared: load of `writing`; publishes what the writer wrote.
 template <class Sync, class Order = InOneOrder>
 class DistributedRwLock {

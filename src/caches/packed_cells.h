@@ -4,9 +4,9 @@
 // Cells down to a level that suits the capacity stand in a grid and are found without a walk: the upper levels as a
 // whole, the two finest in bricks, which are there where records are. Below are nodes, a cache line each: eight
 // children, of each the node below and the cell itself, if they are there. A cell is the mask of its lanes, their
-// count, 16 lanes, a word that says where 48 more are, and a list for what does not fit. Cells without records and nodes
-// without cells below are not there. A brick says where its cells' further lanes are, too, so that a query waits for
-// memory three times as a rule: for a brick's entry, for a cell with all its lanes, and for the records.
+// count, 16 lanes, a word that says where 48 more are, and a list for what does not fit. Cells without records and
+// nodes without cells below are not there. A brick says where its cells' further lanes are, too, so that a query waits
+// for memory three times as a rule: for a brick's entry, for a cell with all its lanes, and for the records.
 //
 // Publication pair P2: install, CAS release of the word of a brick, node, cell or further lanes -> whoever follows it,
 // load acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread.

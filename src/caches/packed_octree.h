@@ -5,8 +5,8 @@
 // Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
 //
 // Memory. What cells are made of and where they are is said in caches/packed_cells.h: lanes of 8 bytes of a record
-// (caches/packed_lanes.h), tested many at once, and a list for what does not fit. A record is 44 bytes and its mark, read
-// only if one of its lanes was kept.
+// (caches/packed_lanes.h), tested many at once, and a list for what does not fit. A record is 44 bytes and its mark,
+// read only if one of its lanes was kept.
 //
 // Guests. A record is stored at the level whose cells suit its reach (caches/packed_reach.h), or up to two levels above
 // in cells of the grid or below that have few lanes. So what is small and alone, as at edges, has no nodes, cells and
@@ -20,8 +20,8 @@
 // What an insert does, step by step, and what others see if it stops there for ever
 //
 //   1  takes a place in the table                     the place is not used; nobody sees it
-//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes the
-//      cell's level among those in use, if it is above the grid's finest
+//   2  in every cell: installs missing bricks, nodes, cells and lanes, reserves a lane or a place in the list; notes
+//      the cell's level among those in use, if it is above the grid's finest
 //                                                     the lanes stay out of the mask, the places unmarked: nobody
 //                                                     reads them
 //   3  writes the record, then lane by lane: words, mask bit

@@ -2,15 +2,15 @@
 //
 // Use: a structure takes one of the policies below; `In<Sync>` is the state it holds.
 //
-//   At first sight   one flag a record. A query sees a record from its publication on, list by list as it comes by: per-
-//                    record linearizable, where a record is stored once.
+//   At first sight   one flag a record. A query sees a record from its publication on, list by list as it comes by:
+//                    per-record linearizable, where a record is stored once.
 //
-//   Snapshot         one stamp a record, from a clock that all share. A query reads the clock first and then sees exactly
-//                    the records stamped by then, wherever it goes: linearizable. An insert sets `pending` and then, by
-//                    one CAS, a tick of its own; a query that comes by in between does the same for it. Related: the
-//                    timestamps of constant-time snapshots (Wei et al. 2021) and bundled references (Nelson-Slivon,
-//                    Hassan, Palmieri 2022), which keep old versions of links; records here never change, so a stamp
-//                    each is all that is needed, and no version is kept.
+//   Snapshot         one stamp a record, from a clock that all share. A query reads the clock first and then sees
+//                    exactly the records stamped by then, wherever it goes: linearizable. An insert sets `pending` and
+//                    then, by one CAS, a tick of its own; a query that comes by in between does the same for it.
+//                    Related: the timestamps of constant-time snapshots (Wei et al. 2021) and bundled references
+//                    (Nelson-Slivon, Hassan, Palmieri 2022), which keep old versions of links; records here never
+//                    change, so a stamp each is all that is needed, and no version is kept.
 //
 // Publication pairs
 //
@@ -20,8 +20,8 @@
 //                    its place or seen it there. So when a query reads a clock that has reached the stamp, it will find
 //                    the record and its mark at `pending` or further: no record of its snapshot escapes it.
 //
-//   P5  publish, shows: mark CAS release -> shows: mark load or failed CAS acquire; publishes the record, as P1: a CAS by
-//                    a helper is in the release sequence of the store of `pending`.
+//   P5  publish, shows: mark CAS release -> shows: mark load or failed CAS acquire; publishes the record, as P1: a CAS
+//       by a helper is in the release sequence of the store of `pending`.
 //
 // Why a query sees the same as any other at the same moment: a mark leaves `pending` once, and its stamp never changes.
 // Whoever stamps draws its tick after the mark was pending, hence inside the insert, and the insert ends with the mark

@@ -1,10 +1,10 @@
 // Floating-point traps for invalid operations: 0 / 0, inf - inf, the root of a negative number, and an ordered
-// comparison (<, <=, >, >=, not == or std::isless) with a NaN. None of our own code is to make one, and the tests of hard
-// cases have the processor see to that (tests/trap_invalid.h).
+// comparison (<, <=, >, >=, not == or std::isless) with a NaN. None of our own code is to make one, and the tests of
+// hard cases have the processor see to that (tests/trap_invalid.h).
 //
 // Libraries may, and Embree does: it lets lanes that are not in use compute what they will. Where we call one, a
-// LibraryCall masks the traps meanwhile. Outside of those tests nothing is trapped, and a call costs a load and a branch
-// that is never taken: one for each packet of rays, not for each ray.
+// LibraryCall masks the traps meanwhile. Outside of those tests nothing is trapped, and a call costs a load and a
+// branch that is never taken: one for each packet of rays, not for each ray.
 #pragma once
 
 #include <atomic>

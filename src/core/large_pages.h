@@ -1,5 +1,5 @@
-// Memory on large pages, for what is built once and read at random ever after: a page table's entries then fit where the
-// processor keeps them.
+// Memory on large pages, for what is built once and read at random ever after: a page table's entries then fit where
+// the processor keeps them.
 #pragma once
 
 #include <sys/mman.h>

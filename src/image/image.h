@@ -50,8 +50,8 @@ struct WriteOptions {
 
 /// Writes .exr (ZIP compression, channels B G R) or .png (8 bits, sRGB transfer function, brighter than white
 /// clipped), by the extension of `path`. A regular file is replaced by a rename; anything else (a device, a
-/// pipe) is written in place. Refuses images of wrong size or with NaN or infinite values, and with negative ones unless
-/// it is an EXR file that is said to be signed.
+/// pipe) is written in place. Refuses images of wrong size or with NaN or infinite values, and with negative ones
+/// unless it is an EXR file that is said to be signed.
 void write_image(const std::filesystem::path& path, const Image& image, const WriteOptions& options = {});
 
 /// Reads .exr (scan lines; the data window; channels R G B, or Y alone as grey) or .png (any colour type;

@@ -263,8 +263,8 @@ class Extrapolator {
 };
 
 /// Sums what records bring to one point as the level of `shapes` has it, but for those behind something
-/// (render/leak_guard.h). Suspects wait until there are kLeakPacket of them, or no more records: rays are traced while a
-/// cache is being visited, hence perhaps locked, only at points where many are valid.
+/// (render/leak_guard.h). Suspects wait until there are kLeakPacket of them, or no more records: rays are traced while
+/// a cache is being visited, hence perhaps locked, only at points where many are valid.
 class GuardedSum {
  public:
   GuardedSum(const RecordShapes& shapes, Tracer& tracer, const SurfacePoint& x, LeakTests& tests) noexcept

@@ -11,9 +11,9 @@
 //               Schwarzhaupt, Jensen, Jarosz 2012. The samples' hit points span a surface of patches, each of the
 //               radiance of its farthest corner; what a patch sends follows from its edges by Lambert's formula,
 //               whose derivatives are known. Corners stay where they are, whereas the outline of a round body moves
-//               over it: under a sphere 46 degrees wide the Hessian is off by half. `geometric_hessian` knows nothing of occlusion and of who is
-//               bright: it sums magnitudes, with the mean radiance everywhere (after Jarosz, Schoenefeld, Kobbelt,
-//               Jensen 2012).
+//               over it: under a sphere 46 degrees wide the Hessian is off by half. `geometric_hessian` knows nothing
+//               of occlusion and of who is bright: it sums magnitudes, with the mean radiance everywhere (after Jarosz,
+//               Schoenefeld, Kobbelt, Jensen 2012).
 #pragma once
 
 #include <array>

@@ -7,12 +7,12 @@
 // The guard (the idea is that of Radiance's ambient cache by G. Ward, src/rt/ambcomp.c and ambient.c: flags of
 // directions with each value, and a short ray where they warn). When a record is gathered, its tangent plane is divided
 // into kLeakSectors sectors. Those are marked into which a ray went low, less than 45 degrees above the plane, and met
-// something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a query
-// the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met so.
-// Elsewhere it counts only after a ray from the point to the record meets nothing. Its ends are lifted off the surfaces
-// by the tracer's epsilon and by shares of their distance: the point's by kLeakLift, so that what is lower than that
-// stops nothing, and the record's by kLeakRise, so that a slit under a wall lets nothing through unless the point lies
-// close behind it.
+// something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a
+// query the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met
+// so. Elsewhere it counts only after a ray from the point to the record meets nothing. Its ends are lifted off the
+// surfaces by the tracer's epsilon and by shares of their distance: the point's by kLeakLift, so that what is lower
+// than that stops nothing, and the record's by kLeakRise, so that a slit under a wall lets nothing through unless the
+// point lies close behind it.
 //
 // What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
 // lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.

@@ -150,8 +150,8 @@ float reach_of(const Bounds& bounds) noexcept;
 /// cannot look, or a size outside [kMinReach, kMaxReach], in any of its frames.
 void prepare(Scene& scene);
 
-/// A hash of what the light in a prepared scene depends on at a frame: shapes, materials, textures and lights as they are
-/// at rest, the scene's name, which stands for how they move, and the frame. Not the camera.
+/// A hash of what the light in a prepared scene depends on at a frame: shapes, materials, textures and lights as they
+/// are at rest, the scene's name, which stands for how they move, and the frame. Not the camera.
 std::uint64_t light_key(const Scene& scene, std::uint32_t frame);
 
 }  // namespace icbench

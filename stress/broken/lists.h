@@ -371,8 +371,8 @@ struct EarlyRelease {
   using Write = Scope;
 };
 
-/// Readers and writers of the distributed lock that may both miss each other: each stores its own word and then loads the
-/// other's, and a load may be done before a store that precedes it.
+/// Readers and writers of the distributed lock that may both miss each other: each stores its own word and then loads
+/// the other's, and a load may be done before a store that precedes it.
 struct AcquireRelease {
   static constexpr std::memory_order kStore = std::memory_order_release, kLoad = std::memory_order_acquire;
 };

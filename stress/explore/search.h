@@ -8,17 +8,17 @@
 // anything.)
 //
 //   Without a bound: dynamic partial-order reduction (Flanagan and Godefroid 2005) with source sets (Abdulla, Aronis,
-//   Jonsson, Sagonas 2014) and sleep sets (Godefroid 1996). When a step o is done that could have preceded an earlier one,
-//   e, of another thread, and would have changed it, the search lets something start in the place of e that leads to o.
-//   That is so if the two are at one location, nothing in between puts o after e, and o may write: e could read it, or its
-//   store be the later one. It is not so if e writes and o is a load: o in front of e reads an older store, which is among
-//   its choices behind e. A thread that was tried at a node sleeps below its later siblings, with all it could have read
-//   there; it wakes for stores that are new since.
+//   Jonsson, Sagonas 2014) and sleep sets (Godefroid 1996). When a step o is done that could have preceded an earlier
+//   one, e, of another thread, and would have changed it, the search lets something start in the place of e that leads
+//   to o. That is so if the two are at one location, nothing in between puts o after e, and o may write: e could read
+//   it, or its store be the later one. It is not so if e writes and o is a load: o in front of e reads an older store,
+//   which is among its choices behind e. A thread that was tried at a node sleeps below its later siblings, with all it
+//   could have read there; it wakes for stores that are new since.
 //
 //   With a bound on preemptions (a switch away from a thread that could go on): bounded partial-order reduction (Coons,
 //   Musuvathi, McKinley 2013). Going back to e can cost a preemption that going back to the start of its thread's turn
-//   does not, so both are tried; no happens-before shortens the list of conflicts, any two steps at one location of which
-//   one may write are one, and nothing sleeps.
+//   does not, so both are tried; no happens-before shortens the list of conflicts, any two steps at one location of
+//   which one may write are one, and nothing sleeps.
 //
 // A thread that waits in a loop (Sync::wait_turn) is left waiting: whatever it would do when it goes on, it also does
 // in the schedule in which it has not come to the loop before, because a turn of such a loop changes nothing. So only
