@@ -10,8 +10,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_capture, small_pareto, small_render, small_repeatability,
-                         write_white_png)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_capture, small_pareto, small_render,
+                         small_repeatability, write_white_png)
 
 
 class Sweep(Case):
