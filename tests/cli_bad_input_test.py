@@ -7,8 +7,8 @@ import resource
 import subprocess
 import unittest
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_pareto, small_render, small_repeatability,
-                         small_sweep)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_capture, small_pareto, small_render,
+                         small_repeatability, small_sweep)
 
 
 class BadInput(Case):
@@ -159,6 +159,41 @@ class BadInput(Case):
             with self.subTest(arguments):
                 self.refuse("render", "--size", "16x16", *arguments, says=[part])
         self.assertFalse((self.folder / "b.cache").exists())
+
+    def test_traces_that_cannot_be_captured_or_read(self):
+        self.succeed(*small_capture(out="a.trace"))
+        whole = (self.folder / "a.trace").read_bytes()
+        (self.folder / "damaged.trace").write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+        (self.folder / "cut.trace").write_bytes(whole[:-7])
+        for arguments, part in ((["info", "missing.trace"], "missing.trace"),
+                                (["info", "damaged.trace"], "checksum"),
+                                (["replay", "cut.trace"], "cut off"),
+                                (["replay", "results.json"], "no trace"),
+                                (["info", "."], "no regular file"),
+                                (["info"], "file"),
+                                (["replay"], "see icbench trace replay --help"),
+                                ([], "capture, info or replay"),
+                                (["captur"], "did you mean 'capture'?"),
+                                (["info", "a.trace", "b"], "unexpected argument 'b'; see icbench trace info --help"),
+                                (["replay", "a.trace", "--scale", "-1"], "--scale '-1'"),
+                                (["replay", "a.trace", "--scale", "nan"], "--scale 'nan'"),
+                                (["replay", "a.trace", "--caches", "waitfree"], "did you mean 'wait_free'?"),
+                                (["replay", "a.trace", "--threads", "0"], "--threads '0'"),
+                                (["replay", "a.trace", "--cache", "sequential", "--threads", "2"], "--threads 1"),
+                                (["replay", "a.trace", "--json", "nowhere/a.json"], "nowhere"),
+                                (["capture", "--integrator", "path"], "uses no cache"),
+                                (["capture", "--deterministic"], "--deterministic"),
+                                (["capture", "--frames", "0"], "--frames '0'"),
+                                (["capture", "--out", "nowhere/a.trace"], "nowhere"),
+                                (["capture", "--out", "."], "folder")):
+            with self.subTest(arguments):
+                self.refuse("trace", *arguments, says=[part])
+        for workload, part in (("trace", "names no file"), ("trace:file=missing.trace", "missing.trace"),
+                               ("trace:file=damaged.trace", "checksum"), ("trace:fil=a.trace", "'file'"),
+                               ("trace:file=a.trace:scale=-1", "scale=-1")):
+            with self.subTest(workload):
+                self.refuse("sweep", "--workloads", workload, "--out", "new.json", says=[part])
+        self.assertEqual(self.run_icbench(*small_capture(out="/dev/full")).returncode, 2)
 
     def test_repeatability_is_of_integrators_with_a_cache(self):
         for integrator in "path", "hash_cells":

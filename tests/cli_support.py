@@ -52,6 +52,11 @@ def small_repeatability(**changes):
                                           "repetitions": 2, "reference-spp": 4}, changes)
 
 
+def small_capture(**changes):
+    """Arguments of a trace of a small picture."""
+    return ["trace", *arguments_of("capture", {"size": "48x32", "rays": 4, "threads": 1}, changes)]
+
+
 class Case(unittest.TestCase):
     """A test in a folder of its own."""
 

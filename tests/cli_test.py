@@ -10,8 +10,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, small_repeatability,
-                         write_white_png)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_capture, small_pareto, small_render,
+                         small_repeatability, write_white_png)
 
 
 class Sweep(Case):
@@ -341,7 +341,8 @@ class Compare(Case):
 
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "animate", "compare"]
+    COMMANDS = ["list", "sweep", "render", "animate", "compare", "trace"]
+    TRACE_COMMANDS = ["capture", "info", "replay"]
 
     def test_without_arguments_help_goes_to_standard_error(self):
         done = self.run_icbench()
@@ -349,7 +350,8 @@ class Help(Case):
         self.assertEqual(done.stderr, self.succeed("--help"))
 
     def test_help_is_there_and_fits_the_screen(self):
-        for arguments in [], *([command] for command in self.COMMANDS):
+        for arguments in ([], *([command] for command in self.COMMANDS),
+                          *(["trace", command] for command in self.TRACE_COMMANDS)):
             for option in "--help", "-h":
                 text = self.succeed(*arguments, option)
                 self.assertIn("Usage: " + " ".join(["icbench", *arguments]), text)
@@ -374,6 +376,74 @@ class Help(Case):
         names = [":".join([row["name"], *row["parameters"].split()]) for row in rows]
         # Parsed before the cache's name, which is refused.
         self.refuse("sweep", "--workloads", ",".join(names), "--caches", "nul", says=["did you mean 'null'?"])
+
+
+class Trace(Case):
+    """Real renders, captured and replayed."""
+
+    def replay(self, *arguments):
+        self.succeed("trace", "replay", "a.trace", "--scale", "0", "--repetitions", "1", "--json", "replay.json",
+                     *arguments)
+        return self.load("replay.json")["benchmarks"]
+
+    def test_one_thread_leaves_the_renders_records_in_every_cache(self):
+        # All that decides whether a query is answered: gradients, elliptic records, the guard against leaks, glass,
+        # passes over one frame, records that go with it, stay, or are renewed.
+        for changes in (
+                {"integrator": "irradiance_cache", "spp": 2, "flags": ["--overture", "--leak-guard"]},
+                {"integrator": "irradiance_cache", "interpolation": "gradients", "scene": "cornell_specular"},
+                {"integrator": "irradiance_cache", "interpolation": "occlusion_hessian", "rays": 64},
+                {"integrator": "irradiance_cache", "scene": "cornell_camera", "frames": 3},
+                {"integrator": "instant_caching", "vpls": 16, "frames": 3},
+                {"integrator": "temporal_instant_caching", "vpls": 16, "frames": 3}):
+            flags = changes.pop("flags", [])
+            with self.subTest(changes, flags=flags):
+                self.succeed(*small_capture(**changes, out="a.trace", json="a.json"), *flags)
+                asked = self.load("a.json")
+                self.assertEqual(asked["queries"], sum(frame["queries"] for frame in asked["frames"]))
+                for row in self.replay("--threads", "1", "--caches", "wait_free,packed_local_write"):
+                    self.assertIs(row["same_records"], True)
+                    self.assertEqual(row["queries"], asked["queries"])
+                    self.assertEqual((row["stand_ins"], row["redundant_records"]), (0, 0))
+
+    def test_tells_what_a_trace_holds(self):
+        self.succeed(*small_capture(out="a.trace", json="a.json", threads=2))
+        asked = self.load("a.json")
+        self.assertIn("cornell_box by irradiance_cache, 48x32 at 1 spp",
+                      self.succeed("trace", "info", "a.trace", "--json", "info.json"))
+        told = self.load("info.json")
+        self.assertEqual({key: told[key] for key in ("scene", "integrator", "cache", "threads", "width", "height",
+                                                     "spp", "seed", "rays_per_record")},
+                         {"scene": "cornell_box", "integrator": "irradiance_cache", "cache": "wait_free",
+                          "threads": 2, "width": 48, "height": 32, "spp": 1, "seed": 1, "rays_per_record": 4})
+        self.assertEqual((told["queries"], told["hits"]), (asked["frames"][0]["queries"], asked["frames"][0]["hits"]))
+        self.assertEqual(told["records_made"], asked["frames"][0]["records"])
+        self.assertEqual(told["frames"][0]["records"], asked["frames"][0]["records"])
+        self.assertEqual(told["trace_bytes"], (self.folder / "a.trace").stat().st_size)
+        self.assertLess(told["bytes_per_query"], 28)
+        self.assertGreater(told["record_cost_p50_us"], 0)
+        self.assertLessEqual(told["record_cost_p50_us"], told["record_cost_p99_us"])
+
+    def test_is_a_workload_of_sweeps(self):
+        self.succeed(*small_capture(out="a.trace"))
+        self.succeed("sweep", "--workloads", "read_only:records=100:operations=100,trace:file=a.trace:scale=0",
+                     "--caches", "null,wait_free,local_write", "--threads", "1,3", "--repetitions", "1",
+                     "--out", "out.json")
+        rows = [row for row in self.load("out.json")["benchmarks"] if row["workload_kind"] == "trace"]
+        self.assertEqual(sorted((row["cache"], row["threads"]) for row in rows),
+                         [(cache, threads) for cache in ("local_write", "null", "wait_free") for threads in (1, 3)])
+        for row in rows:
+            self.assertEqual(row["scene"], "cornell_box")
+            if row["cache"] != "null":
+                self.assertEqual(row["inserts"], row["queries"] - row["hits"])
+            if row["threads"] == 1:
+                self.assertIs(row["same_records"], row["cache"] != "null")
+
+    def test_capturing_changes_no_bit_of_what_one_thread_does(self):
+        self.succeed(*small_capture(out="a.trace", json="a.json"))
+        self.succeed(*small_render(size="48x32", threads=1, json="b.json", out="b.exr"))
+        for key in "queries", "hits", "records", "rays":
+            self.assertEqual(self.load("a.json")["frames"][0][key], self.load("b.json")[key])
 
 
 class Pareto(Case):

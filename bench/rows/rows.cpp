@@ -249,6 +249,16 @@ std::vector<Row> all_rows() {
   add_packed(rows);
   add_animations(rows);
   add_pictures(rows);
+  for (const auto& [integrator, suffix] :
+       {std::pair{"irradiance_cache", ""}, std::pair{"instant_caching", "_ic"}}) {
+    rows.push_back(
+        {fmt::format("trace_slowdown{}", suffix),
+         fmt::format("time of a frame of cornell_box, 256x256, 1 spp, by {}: its operations captured "
+                     "/ left alone",
+                     integrator),
+         Relation::at_most, 1.05,
+         [integrator = integrator](const Machine& machine) { return trace_slowdown(machine, integrator); }});
+  }
   return rows;
 }
 

@@ -51,6 +51,9 @@ std::unique_ptr<Experiment> packed_frame_share(const Machine& machine);
 enum class Oversubscription { throughput, slowest, spread };
 std::unique_ptr<Experiment> packed_oversubscribed(const Machine& machine, Oversubscription figure);
 
+/// Time of a frame of the moving Cornell box whose cache operations are captured, over that of one left alone.
+std::unique_ptr<Experiment> trace_slowdown(const Machine& machine, std::string_view integrator);
+
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();
 

@@ -185,8 +185,9 @@ inline bool write_at(int fd, const unsigned char* from, std::size_t n, std::uint
 /// A file that gets its name when it is whole.
 class Replacement {
  public:
-  explicit Replacement(const std::string& path)
-      : path_(path), temporary_(path + ".tmp" + std::to_string(::getpid())) {}
+  /// `what` the file holds, for messages.
+  explicit Replacement(const std::string& path, std::string_view what = "the cache")
+      : path_(path), what_(what), temporary_(path + ".tmp" + std::to_string(::getpid())) {}
   Replacement(const Replacement&) = delete;
   Replacement& operator=(const Replacement&) = delete;
   ~Replacement() {
@@ -221,13 +222,13 @@ class Replacement {
 
  private:
   std::string failure(std::string_view why) const {
-    return "cannot write the cache to '" + path_ + "': " + std::string(why);
+    return "cannot write " + what_ + " to '" + path_ + "': " + std::string(why);
   }
   std::string failure_of(int code) const {
     return failure(std::string(std::strerror(code)) + "; choose another place");
   }
 
-  std::string path_, temporary_;
+  std::string path_, what_, temporary_;
   Descriptor file_;
   int error_ = 0;
 };

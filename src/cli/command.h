@@ -26,5 +26,6 @@ void add_pareto(CLI::App& app);
 void add_render(CLI::App& app);
 void add_repeatability(CLI::App& app);
 void add_sweep(CLI::App& app);
+void add_trace(CLI::App& app);
 
 }  // namespace icbench

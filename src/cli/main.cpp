@@ -31,14 +31,28 @@ std::string unexpected(const CLI::App& at, const std::string& argument) {
     const std::vector<std::string_view> views(names.begin(), names.end());
     return unknown_name("option", argument.substr(0, argument.find('=')), views);
   }
-  if (at.get_parent() != nullptr) {
-    return fmt::format("unexpected argument '{}'; see icbench {} --help", argument, at.get_name());
+  const auto commands = at.get_subcommands([](const CLI::App*) { return true; });
+  if (commands.empty()) {
+    std::string command;
+    for (const CLI::App* app = &at; app != nullptr; app = app->get_parent())
+      command = fmt::format("{} {}", app->get_name(), command);
+    return fmt::format("unexpected argument '{}'; see {}--help", argument, command);
   }
-  for (const CLI::App* subcommand : at.get_subcommands([](const CLI::App*) { return true; })) {
-    names.push_back(subcommand->get_name());
-  }
+  for (const CLI::App* subcommand : commands) names.push_back(subcommand->get_name());
   const std::vector<std::string_view> views(names.begin(), names.end());
   return unknown_name("command", argument, views);
+}
+
+/// Calls f(command, commands above it and itself) for every command below `at`.
+template <class F>
+void for_each_command(CLI::App& at, std::vector<CLI::App*> above, F&& f) {
+  above.push_back(&at);
+  for (CLI::App* command : at.get_subcommands([](const CLI::App*) { return true; })) {
+    for_each_command(*command, above, f);
+    std::vector<CLI::App*> line = above;
+    line.push_back(command);
+    f(*command, line);
+  }
 }
 
 /// Prints the one line that a failed run ends with, whatever the arguments that it quotes contain.
@@ -89,23 +103,22 @@ int run(int argc, char** argv) {
   add_compare(app);
   add_pareto(app);
   add_repeatability(app);
+  add_trace(app);
   app.footer(
       "Exit status: 0 done, 1 a check failed, 2 bad usage or input (one line on standard error).\n"
       "icbench COMMAND --help lists a command's options, all of which have defaults.");
-  for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
-    subcommand->allow_extras();
-  }
   app.allow_extras();
   // Extras are collected, not thrown, so that they can be reported with the nearest match; callbacks must not
   // run then.
-  for (CLI::App* subcommand : app.get_subcommands([](const CLI::App*) { return true; })) {
-    subcommand->parse_complete_callback([&app, subcommand] {
-      for (const CLI::App* at : {&app, subcommand}) {
+  for_each_command(app, {}, [](CLI::App& command, const std::vector<CLI::App*>& line) {
+    command.allow_extras();
+    command.parse_complete_callback([line] {
+      for (const CLI::App* at : line) {
         const auto extras = at->remaining();
         if (!extras.empty()) throw std::runtime_error(unexpected(*at, extras.front()));
       }
     });
-  }
+  });
   try {
     app.parse(argc, argv);
     const auto extras = app.remaining();
@@ -119,10 +132,10 @@ int run(int argc, char** argv) {
     const int status = app.exit(e);
     return flush_output() ? status : report(kNoOutput, 2);
   } catch (const CLI::ParseError& e) {
-    const auto commands = app.get_subcommands();
-    return report(fmt::format("{}; see icbench {}{}--help", e.what(),
-                              commands.empty() ? "" : commands[0]->get_name(), commands.empty() ? "" : " "),
-                  2);
+    std::string commands;
+    for (auto at = app.get_subcommands(); !at.empty(); at = at[0]->get_subcommands())
+      commands += at[0]->get_name() + " ";
+    return report(fmt::format("{}; see icbench {}--help", e.what(), commands), 2);
   } catch (const CheckFailed& e) {
     return report(e.what(), 1);
   } catch (const std::bad_alloc&) {

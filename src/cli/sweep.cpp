@@ -69,16 +69,20 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
 nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::ordered_json& environment) {
   std::vector<std::string> workloads;
   for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
-  return {{"command", "sweep"},
-          {"workloads", workloads},
-          {"caches", r.caches},
-          {"threads", r.threads},
-          {"placement", to_string(r.placement)},
-          {"repetitions", r.repetitions},
-          {"seed", r.seed},
-          {"latency_every", r.latency_every},
-          {"reference_spp", r.reference_spp},
-          {"environment", environment_identity(environment)}};
+  nlohmann::ordered_json out = {{"command", "sweep"},
+                                {"workloads", workloads},
+                                {"caches", r.caches},
+                                {"threads", r.threads},
+                                {"placement", to_string(r.placement)},
+                                {"repetitions", r.repetitions},
+                                {"seed", r.seed},
+                                {"latency_every", r.latency_every},
+                                {"reference_spp", r.reference_spp},
+                                {"environment", environment_identity(environment)}};
+  // A file may change under its name.
+  for (const WorkloadSpec& w : r.workloads)
+    if (w.kind == WorkloadKind::trace) out["traces"][w.name] = fmt::format("{:016x}", trace_checksum(w));
+  return out;
 }
 
 /// Runs a trial for its time alone.

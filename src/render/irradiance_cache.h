@@ -142,6 +142,13 @@ float clamped_to_neighbours(Session& session, const Record& record) noexcept {
   return R;
 }
 
+/// A session that is told of each point which was asked for, and whether the records there gave an answer: one that
+/// captures a trace (workload/trace_capture.h).
+template <class Session>
+concept ToldOfQueries = requires(Session s, const SurfacePoint& x) {
+  s.asked(x, true);
+};
+
 /// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and ask
 /// nothing. `thread` is the caller's, for the source; rays are counted in `tracer`.
 template <class Session>
@@ -164,6 +171,7 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
     }
     ++use.queries;
     std::optional<Irradiance> E = ask({x.hit.p, x.hit.n});
+    if constexpr (ToldOfQueries<Session>) session.asked({x.hit.p, x.hit.n}, E.has_value());
     if (E) {
       ++use.hits;
     } else {

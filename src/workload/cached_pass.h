@@ -16,6 +16,8 @@
 
 namespace icbench {
 
+class TraceRecorder;
+
 /// What a cached pass is set up with.
 struct CachedPassSetup {
   CacheConfig cache{};              ///< max_sessions: the crew's size
@@ -23,12 +25,13 @@ struct CachedPassSetup {
   std::uint32_t latency_every = 0;  ///< one operation in so many is timed, at random; 0 none
   std::uint64_t seed = 0;           ///< of which operations are timed
   const RayTracer* deterministic =
-      nullptr;            ///< of the pictures, if they are to be made in waves (render/waves.h)
-  bool overture = false;  ///< first all records, then the picture
+      nullptr;                     ///< of the pictures, if they are to be made in waves (render/waves.h)
+  bool overture = false;           ///< first all records, then the picture
+  TraceRecorder* trace = nullptr;  ///< captures what tiles do; not of pictures in waves
 };
 
 template <template <class> class CacheTemplate>
-class CachedPass final : public IndirectPass, private WaveCache {
+class CachedPass : public IndirectPass, protected WaveCache {
  public:
   using Cache = CacheTemplate<WithCounters>;
 
@@ -51,7 +54,8 @@ class CachedPass final : public IndirectPass, private WaveCache {
     for (const auto& w : workers_) w->use = {};
     if (waves_) waves_->reset_use();
     lock_wait_before_ = cache_.counters().lock_wait_ns;
-    switch (source_->begin_frame(change, crew_)) {
+    then_ = source_->begin_frame(change, crew_);
+    switch (then_) {
       case RecordsThen::stay:
         break;
       case RecordsThen::update:
@@ -113,6 +117,19 @@ class CachedPass final : public IndirectPass, private WaveCache {
     for (const auto& w : workers_) f(w->session);
   }
 
+ protected:
+  void publish() override {
+    cache_.end_frame();
+    cache_.begin_frame();
+  }
+
+  struct alignas(kNoSharing) Worker {
+    Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed)
+        : session(s, latency_every, seed) {}
+    TimedSession<typename Cache::Session> session;
+    CacheUse use;
+  };
+
  private:
   std::vector<InsertResult> insert_all(std::span<const Record> records) {
     std::vector<InsertResult> results(records.size());
@@ -131,13 +148,6 @@ class CachedPass final : public IndirectPass, private WaveCache {
     for (std::size_t i = 0; i < records.size(); ++i)
       if (results[i] != InsertResult::inserted) source_->refused(records[i]);
   }
-
-  struct alignas(kNoSharing) Worker {
-    Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed)
-        : session(s, latency_every, seed) {}
-    TimedSession<typename Cache::Session> session;
-    CacheUse use;
-  };
 
   // Records for all pixels, as the tiles would make them; their picture is thrown away.
   void fill(const PrimaryHits& primary) {
@@ -162,11 +172,7 @@ class CachedPass final : public IndirectPass, private WaveCache {
     return workers_[thread]->session.insert(record);
   }
 
-  void publish() override {
-    cache_.end_frame();
-    cache_.begin_frame();
-  }
-
+ protected:
   Crew& crew_;
   std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
@@ -175,11 +181,18 @@ class CachedPass final : public IndirectPass, private WaveCache {
   SampleKey key_;               // of the sample that was begun last
   Cache cache_;
   std::vector<std::unique_ptr<Worker>> workers_;  // each made by its thread
+  RecordsThen then_ = RecordsThen::stay;          // became of the records as the frame began
 };
+
+/// Captures what it does (workload/traced_pass.h).
+template <template <class> class CacheTemplate>
+std::unique_ptr<IndirectPass> make_traced_pass(const CachedPassSetup& setup,
+                                               std::unique_ptr<RecordSource> source, Crew& crew);
 
 template <template <class> class CacheTemplate>
 std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
                                                std::unique_ptr<RecordSource> source, Crew& crew) {
+  if (setup.trace != nullptr) return make_traced_pass<CacheTemplate>(setup, std::move(source), crew);
   return std::make_unique<CachedPass<CacheTemplate>>(setup, std::move(source), crew);
 }
 

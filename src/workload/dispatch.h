@@ -14,6 +14,7 @@
 #include "render/record_source.h"
 #include "workload/ray_traced_plan.h"
 #include "workload/synthetic_plan.h"
+#include "workload/trace_plan.h"
 #include "workload/trial.h"
 
 namespace icbench {
@@ -27,6 +28,9 @@ template <template <class> class CacheTemplate>
 TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& setup);
 
 template <template <class> class CacheTemplate>
+TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup);
+
+template <template <class> class CacheTemplate>
 std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
                                                std::unique_ptr<RecordSource> source, Crew& crew);
 
@@ -35,6 +39,7 @@ struct CacheEntry {
   CacheTraits traits;
   TrialOutcome (*synthetic)(const SyntheticPlan&, const TrialSetup&);
   TrialOutcome (*ray_traced)(const RayTracedPlan&, const TrialSetup&);
+  TrialOutcome (*trace)(const TracePlan&, const TrialSetup&);
   std::unique_ptr<IndirectPass> (*pass)(const CachedPassSetup&, std::unique_ptr<RecordSource>, Crew&);
 };
 

@@ -17,6 +17,7 @@ std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
   cached.cache = cache_config(r, crew.size());
   cached.deterministic = r.deterministic ? &r.rays : nullptr;
   cached.overture = r.overture;
+  cached.trace = r.trace;
   return r.cache.pass(cached, r.integrator.source(setup), crew);
 }
 

@@ -17,6 +17,8 @@
 
 namespace icbench {
 
+class TraceRecorder;
+
 struct FrameRequest {
   RayTracer& rays;
   ThreadTeam& team;
@@ -41,6 +43,7 @@ struct FrameRequest {
   bool keeps_residual = false;  ///< its layer, too
   std::vector<Record>
       records{};  ///< made before, for the frame that is rendered first: in the cache from the beginning
+  TraceRecorder* trace = nullptr;  ///< captures what is asked of the cache, if that is not deterministic
 };
 
 /// The cache that a request is met with, for a crew of that size.

@@ -34,6 +34,9 @@ constexpr Synthetic kSynthetic[] = {
      WorkloadKind::miss_driven, 100'000, 0},
 };
 
+constexpr std::string_view kTrace = "trace";
+constexpr double kMostScale = 1e6;
+
 [[noreturn]] void fail(std::string_view workload, const std::string& what) {
   throw std::runtime_error(fmt::format("workload '{}': {}", workload, what));
 }
@@ -113,6 +116,12 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
         {{"scanline", TileOrder::scanline}, {"morton", TileOrder::morton}, {"random", TileOrder::random}}));
     return known;
   }
+  if (s.kind == WorkloadKind::trace) {
+    known.push_back({"file", [](WorkloadSpec& spec, std::string_view value) { spec.file = value; },
+                     [](const WorkloadSpec& spec) { return spec.file; }});
+    add_number("scale", 0, kMostScale, false, &WorkloadSpec::scale);
+    return known;
+  }
   known.push_back(named(text, "order", &WorkloadSpec::order,
                         {{"uniform", PointOrder::uniform},
                          {"hot_spot", PointOrder::hot_spot},
@@ -136,6 +145,7 @@ std::vector<std::string_view> base_names() {
   std::vector<std::string_view> names;
   for (const Synthetic& s : kSynthetic) names.push_back(s.name);
   for (const SceneEntry& s : kScenes) names.push_back(s.name);
+  names.push_back(kTrace);
   return names;
 }
 
@@ -155,6 +165,10 @@ WorkloadSpec base_spec(std::string_view base) {
     spec.scene = base;
     return spec;
   }
+  if (base == kTrace) {
+    spec.kind = WorkloadKind::trace;
+    return spec;
+  }
   throw std::runtime_error(unknown_name("workload", base, base_names()));
 }
 
@@ -172,8 +186,18 @@ std::string_view to_string(WorkloadKind kind) noexcept {
       return "miss_driven";
     case WorkloadKind::ray_traced:
       return "ray_traced";
+    case WorkloadKind::trace:
+      return "trace";
   }
   return "unknown";
+}
+
+WorkloadSpec trace_workload(const std::string& file, double scale) {
+  WorkloadSpec spec = base_spec(kTrace);
+  spec.file = file;
+  spec.scale = scale;
+  spec.name = fmt::format("{}:file={}:scale={}", kTrace, file, scale);
+  return spec;
 }
 
 WorkloadSpec parse_workload(std::string_view text) {
@@ -225,6 +249,7 @@ std::vector<WorkloadEntry> list_workloads() {
   };
   for (const Synthetic& s : kSynthetic) add(s.name, std::string(s.description));
   for (const SceneEntry& s : kScenes) add(s.name, fmt::format("ray-traced: {}", s.description));
+  add(kTrace, "what a render asked of its cache, from icbench trace capture");
   return entries;
 }
 

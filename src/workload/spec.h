@@ -5,7 +5,7 @@
 //
 // Synthetic workloads (read_only, insert_only, mix_99_1, mix_90_10, mix_50_50, miss_driven) run cache
 // operations on points of a scene's surfaces without rendering; a scene's name is the ray-traced workload on
-// that scene.
+// that scene; trace:file=PATH replays what a render asked of its cache (icbench trace capture).
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@
 
 namespace icbench {
 
-enum class WorkloadKind : std::uint8_t { read_only, insert_only, mix, miss_driven, ray_traced };
+enum class WorkloadKind : std::uint8_t { read_only, insert_only, mix, miss_driven, ray_traced, trace };
 
 /// The kind as it stands in results.
 std::string_view to_string(WorkloadKind kind) noexcept;
@@ -50,6 +50,10 @@ struct WorkloadSpec {
   bool path = false;       ///< integrator=path: the rival without a cache
   std::uint32_t spp = 16;  ///< path: samples per pixel
 
+  // Of a trace.
+  std::string file;
+  double scale = 1.0;  ///< of the time its records took; 0: none
+
   bool uses_cache() const noexcept { return !path; }
 
   /// Records that are stored before the clock starts.
@@ -63,6 +67,9 @@ struct WorkloadSpec {
     return static_cast<std::uint32_t>(std::uint64_t{operations} * inserts_per_1000 / 1000);
   }
 };
+
+/// The replay of a trace, whatever its path contains: a name for results.
+WorkloadSpec trace_workload(const std::string& file, double scale);
 
 /// Parses one workload. Throws std::runtime_error with one line that names what is wrong and what is known.
 WorkloadSpec parse_workload(std::string_view text);

@@ -50,8 +50,17 @@ struct Sweep::PlanData {
   std::size_t workload;
   std::unique_ptr<SyntheticPlan> synthetic;
   std::unique_ptr<RayTracedPlan> ray_traced;
+  std::unique_ptr<TracePlan> trace;
   std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
 };
+
+std::uint64_t trace_checksum(const WorkloadSpec& spec) {
+  if (spec.file.empty()) {
+    throw std::runtime_error(fmt::format(
+        "workload '{}' names no file; give trace:file=PATH, which icbench trace capture writes", spec.name));
+  }
+  return read_trace_header(spec.file).checksum;
+}
 
 Sweep::~Sweep() = default;
 
@@ -63,6 +72,7 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
   std::size_t points_in_all = 0;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
   for (const WorkloadSpec& spec : request_.workloads) {
+    if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
     if (spec.kind != WorkloadKind::ray_traced) continue;
     // Hits, the reference and its halves, and the trial's own image.
     constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 4 * sizeof(glm::vec3);
@@ -120,13 +130,14 @@ Sweep::PlanData& Sweep::plan(std::size_t workload) {
   const WorkloadSpec& spec = request_.workloads[workload];
   auto made = std::make_unique<PlanData>();
   made->workload = workload;
-  const RayTracer& rays = tracer(spec.scene);
-  if (spec.kind == WorkloadKind::ray_traced) {
+  if (spec.kind == WorkloadKind::trace) {
+    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale);
+  } else if (spec.kind == WorkloadKind::ray_traced) {
     const ViewData& data = view(spec);
-    made->ray_traced =
-        std::make_unique<RayTracedPlan>(spec, rays, data.primary, data.reference, request_.seed);
+    made->ray_traced = std::make_unique<RayTracedPlan>(spec, tracer(spec.scene), data.primary, data.reference,
+                                                       request_.seed);
   } else {
-    made->synthetic = std::make_unique<SyntheticPlan>(spec, rays, request_.seed);
+    made->synthetic = std::make_unique<SyntheticPlan>(spec, tracer(spec.scene), request_.seed);
   }
   plan_ = std::move(made);
   return *plan_;
@@ -136,6 +147,7 @@ std::uint64_t Sweep::records_of_one_thread(PlanData& plan, std::uint64_t seed) {
   const auto [at, is_new] = plan.records_of_one_thread.try_emplace(seed, 0);
   if (is_new) {
     at->second = plan.ray_traced ? plan.ray_traced->records_of_one_thread(seed)
+                 : plan.trace    ? plan.trace->records_of_one_thread()
                                  : plan.synthetic->records_of_one_thread(seed);
   }
   return at->second;
@@ -153,6 +165,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
   const TrialSetup setup{team(point.threads), work_, seed_of(request_, repetition), request_.latency_every};
   const TrialOutcome o = point.cache == nullptr ? run_path_trial(*data.ray_traced, setup)
                          : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
+                         : data.trace           ? point.cache->trace(*data.trace, setup)
                                                 : point.cache->synthetic(*data.synthetic, setup);
   if (!o.error.empty()) {
     throw InvalidTrial(fmt::format("{} (repetition {}): {}", name_of(point), repetition, o.error));
@@ -177,7 +190,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
   c["consistency"] = to_string(point.cache == nullptr ? Consistency::none : point.cache->traits.consistency);
   c["placement"] = to_string(request_.placement);
   c["oversubscribed"] = topology_.oversubscribed(point.threads);
-  c["scene"] = spec.scene;
+  c["scene"] = data.trace ? data.trace->trace().context.scene : spec.scene;
   const double units = static_cast<double>(std::min<std::size_t>(point.threads, topology_.units().size()));
   c["utilisation"] = std::min(1.0, o.cpu_ns / (o.wall_ns * units));
   c["merge_ms"] = 1e-6 * o.merge_ns;
@@ -202,9 +215,11 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
     c["nodes_discarded"] = o.counts.nodes_discarded;
     if (o.records != 0) c["bytes_per_record"] = static_cast<double>(o.bytes) / static_cast<double>(o.records);
     const bool keeps = point.cache->traits.consistency != Consistency::none;
-    if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::ray_traced)) {
-      c["redundant_records"] = static_cast<std::int64_t>(o.records) -
-                               static_cast<std::int64_t>(records_of_one_thread(data, setup.seed));
+    if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::ray_traced ||
+                  spec.kind == WorkloadKind::trace)) {
+      c["redundant_records"] =
+          static_cast<std::int64_t>(o.records) -
+          static_cast<std::int64_t>(records_of_one_thread(data, data.trace ? 0 : setup.seed));
     }
     add_latency(c, "query", o.query_ticks, tick_rate_);
     add_latency(c, "insert", o.insert_ticks, tick_rate_);
@@ -227,6 +242,17 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
     c["mean_ratio"] = o.mean_ratio;
     c["reference_relmse"] = data.ray_traced->reference().relmse;
     c["reference_spp"] = data.ray_traced->reference().spp;
+  } else if (data.trace) {
+    const Trace& trace = data.trace->trace();
+    c["integrator"] = trace.context.integrator;
+    c["width"] = trace.context.width;
+    c["height"] = trace.context.height;
+    c["frame_count"] = trace.frames.size();
+    c["captured_cache"] = trace.context.cache;
+    c["captured_threads"] = trace.context.config.max_sessions;
+    c["record_cost_scale"] = spec.scale;
+    c["stand_ins"] = o.stand_ins;
+    c["same_records"] = o.same_records;
   } else {
     c["order"] = to_string(spec.order);
     c["accuracy"] = shortest_decimal(spec.a);

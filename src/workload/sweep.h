@@ -30,6 +30,9 @@ struct SweepRequest {
   std::uint32_t reference_spp = 1024;  ///< samples per pixel of the ray-traced workloads' reference
 };
 
+/// Of the file of a trace's workload. Throws std::runtime_error with one line if it cannot be read.
+std::uint64_t trace_checksum(const WorkloadSpec& spec);
+
 /// A trial that broke the cache's contract: the cache is at fault, not the user.
 struct InvalidTrial : std::runtime_error {
   using std::runtime_error::runtime_error;
@@ -46,7 +49,8 @@ struct SweepPoint {
 
 class Sweep {
  public:
-  /// Throws std::runtime_error with one line for an unknown cache or a sweep without a single point.
+  /// Throws std::runtime_error with one line for an unknown cache, a trace that cannot be read or a sweep without a
+  /// single point.
   Sweep(SweepRequest request, const Topology& topology);
 
   const SweepRequest& request() const noexcept { return request_; }

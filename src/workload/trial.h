@@ -45,6 +45,10 @@ struct TrialOutcome {
   RayCounts rays;
   double rmse = 0.0, relmse = 0.0,
          mean_ratio = 0.0;  ///< indirect radiance against the reference at the same hits
+
+  // Of traces.
+  std::uint64_t stand_ins = 0;  ///< records made where the render made none
+  bool same_records = false;    ///< at the end of every frame, as in the render, bit for bit
 };
 
 /// Decides which operations are timed: on average one in `every`, at random distances so that no rhythm of

@@ -20,6 +20,35 @@ inline bool same_bits(const Record& a, const Record& b) noexcept {
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
+/// What a visit calls, whoever asks: one type, so that a cache's traversal is compiled once for all of them.
+struct RecordCallback {
+  void (*call)(void* context, const Record&, float weight) noexcept;
+  void* context;
+  void operator()(const Record& r, float weight) const noexcept { call(context, r, weight); }
+};
+
+/// Checks that queries at sample points see exactly those of the `stored` records that are valid there. Empty if all is
+/// well, else one line. `session` must be one of the cache's, which is quiescent.
+template <class Cache, class Session>
+std::string validate_queries(const Cache& cache, Session& session, std::span<const Record> stored,
+                             std::span<const SurfacePoint> samples) {
+  for (const SurfacePoint& x : samples) {
+    std::vector<std::uint32_t> seen, valid;
+    session.visit(x, RecordCallback{[](void* ids, const Record& r, float) noexcept {
+                                      static_cast<std::vector<std::uint32_t>*>(ids)->push_back(r.id);
+                                    },
+                                    &seen});
+    for (const Record& r : stored) {
+      if (split_sphere_weight(x, r, cache.config().a) > 0.0f) valid.push_back(r.id);
+    }
+    std::sort(seen.begin(), seen.end());
+    std::sort(valid.begin(), valid.end());
+    if (seen != valid)
+      return fmt::format("a query sees {} records where {} are valid", seen.size(), valid.size());
+  }
+  return {};
+}
+
 /// Checks a quiescent cache (after end_frame): every record there is bit for bit the one that was given, none
 /// is there twice, and there are exactly as many as were accepted; and queries at sample points see exactly
 /// the valid ones.
@@ -43,18 +72,7 @@ std::string validate_records(const Cache& cache, Session& session, std::uint64_t
   if (twice != stored.end()) return fmt::format("duplicated record {}", twice->id);
   if (stored.size() != accepted)
     return fmt::format("{} records accepted but {} stored", accepted, stored.size());
-
-  for (const SurfacePoint& x : samples) {
-    std::vector<std::uint32_t> seen, valid;
-    session.visit(x, [&](const Record& r, float) { seen.push_back(r.id); });
-    for (const Record& r : stored) {
-      if (split_sphere_weight(x, r, cache.config().a) > 0.0f) valid.push_back(r.id);
-    }
-    std::sort(seen.begin(), seen.end());
-    if (seen != valid)
-      return fmt::format("a query sees {} records where {} are valid", seen.size(), valid.size());
-  }
-  return {};
+  return validate_queries(cache, session, stored, samples);
 }
 
 /// At most `n` of the points, chosen at random but always the same.
