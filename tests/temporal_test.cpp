@@ -48,6 +48,7 @@ class Witness final : public RecordSource {
     source.settle(thread, r, result);
   }
   UpdateResult update(Record& r) noexcept override { return source.update(r); }
+  void updated() noexcept override { source.updated(); }
   std::span<const Record> to_insert() const noexcept override { return source.to_insert(); }
   void refused(const Record& r) override { source.refused(r); }
   RecordShapes* shapes() noexcept override { return source.shapes(); }

@@ -20,6 +20,7 @@ struct RayTracer::Embree {
   RTCScene scene = nullptr;           // what rays are traced through
   RTCScene still = nullptr;           // all meshes that do not move, if some do; else null
   std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
+  std::vector<Solid> solids;          // by mesh: of those shapes that move rigidly
   std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
   Occluders occluders;
 
@@ -171,12 +172,14 @@ void RayTracer::attach_shape(std::uint32_t i) {
   rtcAttachGeometryByID(to, geometry, i);
   rtcReleaseGeometry(geometry);
   if (mesh.moves()) embree::commit(to);
+  if (mesh.pose) embree_->solids[i] = make_solid(mesh);
 }
 
 void RayTracer::build_scene() {
   embree_ = std::make_unique<Embree>();
   const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
   embree_->shapes.resize(count);
+  embree_->solids.resize(count);
   embree_->placings.resize(count);
   static_instance_ = scene_.moves() ? count : 0;
   const bool any_still = std::any_of(scene_.meshes.begin(), scene_.meshes.end(),
@@ -213,7 +216,8 @@ void RayTracer::place_occluders() {
   for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i) {
     if (!embree_->placings[i]) continue;
     const std::uint32_t shape = scene_.meshes[i].instance_of == kOwnShape ? i : scene_.meshes[i].instance_of;
-    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_);
+    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_,
+                   &embree_->solids[shape]);
   }
 }
 

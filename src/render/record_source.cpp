@@ -30,6 +30,8 @@ void RecordSource::settle(unsigned, const Record&, InsertResult) noexcept {}
 
 UpdateResult RecordSource::update(Record&) noexcept { return UpdateResult::keep; }
 
+void RecordSource::updated() noexcept {}
+
 void RecordSource::refused(const Record&) {}
 
 void RecordSource::used(const Record&) noexcept {}

@@ -68,6 +68,9 @@ class RecordSource {
   /// record, in parallel, and answers the same for each.
   virtual UpdateResult update(Record& record) noexcept;
 
+  /// Quiescent: update() was called for all of them.
+  virtual void updated() noexcept;
+
   /// Records to be inserted after an update: those that update() dropped because their radius grew.
   virtual std::span<const Record> to_insert() const noexcept { return {}; }
   /// The cache did not take one of them. Quiescent.

@@ -1,5 +1,5 @@
-// What temporal instant caching keeps of each record beside the cache: 60 bytes, and a bit for every slot of a virtual
-// light. Slots come in words of 64, which costs 4 bytes a record on average.
+// What temporal instant caching keeps of each record beside the cache: 48 bytes, and a bit for every slot of a virtual
+// light. Slots come in words of 64, which costs 4 bytes a record on average. Irradiance is in the cache alone.
 //
 // Records are named by a 32-bit id, which is their place here. Blocks of 64 are taken from the system as they are
 // needed, so memory follows the number of records; threads draw free ids in batches of a block. What a thread writes
@@ -32,15 +32,15 @@ struct KeptRecord {
 
   glm::vec3 p{0.0f};   ///< metres
   PackedNormal n, ng;  ///< shading and geometric normal
-  Irradiance E{0.0f};  ///< W/m^2
   std::uint32_t met =
       0;  ///< compensation rays that met a surface so near that the clamp took light (a bit each)
   std::uint16_t mesh = 0;  ///< that it lies on; kManyMeshes for that one and all beyond
   std::uint8_t state = free;
   DistanceCodes distances{};
 };
-static_assert(sizeof(KeptRecord) <= 60,
-              "64 bytes a record is what may be kept beside the cache, words of bits filled up");
+static_assert(
+    sizeof(KeptRecord) <= 48,
+    "64 bytes a record is what may be kept beside the cache, words of bits filled up and free ids included");
 
 inline constexpr std::uint16_t kManyMeshes = std::numeric_limits<std::uint16_t>::max();
 

@@ -67,12 +67,14 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   c.moved_vpls.resize(vpls.words());
   c.unused_goes = swept;
   verdicts_.assign(table_.end(), Verdict::drop);
+  renewed_.resize(table_.end());
   crew.for_each(verdicts_.size(), kGrain, [&](unsigned thread, Tracer& tracer, std::size_t id) {
     if (table_[static_cast<std::uint32_t>(id)].state != KeptRecord::free)
       verdicts_[id] = reconsider(tracer, workers_[thread], c, static_cast<std::uint32_t>(id));
   });
 
-  std::uint64_t touched = 0;
+  auto touched = static_cast<std::uint64_t>(std::count(verdicts_.begin(), verdicts_.end(), Verdict::renewed) +
+                                            std::count(verdicts_.begin(), verdicts_.end(), Verdict::changed));
   for (Worker& w : workers_) {
     table_.release(w.dropped);
     live_ -= w.dropped.size();
@@ -88,7 +90,14 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   touched += std::exchange(homeless_, 0);
   if (swept) live_when_swept_ = live_;
   begin_sweep_if_due();
-  return touched == 0 ? RecordsThen::stay : RecordsThen::update;
+  if (touched != 0) return RecordsThen::update;
+  forget_verdicts();
+  return RecordsThen::stay;
+}
+
+void TemporalSource::forget_verdicts() noexcept {
+  verdicts_ = {};
+  renewed_ = {};
 }
 
 void TemporalSource::count_new_records() noexcept {
@@ -138,7 +147,6 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
     return Verdict::keep;
   }
   const Hit point = record_point(r.p, r.n, r.ng);
-  const Irradiance E_before = r.E;
   const float R_before = radius_of(id, r.distances);
   const std::uint32_t cut = cut_distances(c, point, r.distances);
   if (cut != 0) radius_.trace(tracer, point, cut, r.distances);
@@ -148,24 +156,27 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const Packing packing = record_packing(rays_, r.mesh);
   const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
   const bool lights_anew = c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id);
-  if (lights_anew || (shapes_ && cut != 0)) {  // a radius by gradients needs these
+  // A radius by gradients needs these; and what is inserted again needs irradiance, which only the cache has.
+  const bool radius_anew = cut != 0 && (shapes_ || radius_of(id, r.distances) > R_before);
+  Irradiance& E = renewed_[id];
+  if (lights_anew || radius_anew) {
     const bool all = nearby || packing == Packing::fast;
     const Compensation added =
         compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
     const std::span<const std::uint64_t> seen = see_anew(tracer, w, c, point, id);
-    r.E = irradiance_from(seen, point, vpls_.vpls(), clamp_) + added.E;
+    E = irradiance_from(seen, point, vpls_.vpls(), clamp_) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
-    if (shapes_) reshape(id, point, seen);
+    if (shapes_) reshape(id, point, seen, E);
   }
 
   const float R = radius_of(id, r.distances);
   if (R > R_before) {
-    w.regrown.push_back({point.p, point.n, R, r.E, id});
+    w.regrown.push_back({point.p, point.n, R, E, id});
     return Verdict::insert;
   }
-  const bool same = R == R_before && same_bits(r.E, E_before);
-  ++(same ? w.kept : w.updated);
-  return same ? Verdict::keep : Verdict::update;
+  if (lights_anew || radius_anew) return R == R_before ? Verdict::renewed : Verdict::changed;
+  ++(R == R_before ? w.kept : w.updated);
+  return R == R_before ? Verdict::keep : Verdict::shrunk;
 }
 
 float TemporalSource::radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept {
@@ -173,11 +184,11 @@ float TemporalSource::radius_of(std::uint32_t id, const DistanceCodes& distances
 }
 
 // Finds a kept record's gradients, and with them its radius.
-float TemporalSource::reshape(std::uint32_t id, const Hit& point,
-                              std::span<const std::uint64_t> seen) noexcept {
+float TemporalSource::reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen,
+                              const Irradiance& E) noexcept {
   const KeptRecord& r = table_[id];
   const IrradianceGradients gradients = gradients_from(seen, point, vpls_.vpls(), clamp_);
-  return shapes_->shaper.shape_of_vpls(radius_.radius(r.distances), r.E, gradients, shapes_->details[id]);
+  return shapes_->shaper.shape_of_vpls(radius_.radius(r.distances), E, gradients, shapes_->details[id]);
 }
 
 // Whether a segment to a VPL that may be seen meets a box of what moved.
@@ -238,11 +249,20 @@ std::uint32_t TemporalSource::cut_distances(const Change& c, const Hit& point,
 
 UpdateResult TemporalSource::update(Record& record) noexcept {
   if (record.id >= verdicts_.size()) return UpdateResult::drop;  // made when there was no room to keep it
-  switch (verdicts_[record.id]) {
+  // Relaxed: several copies of a record may be under way at once, and all of them write the same; the end of the
+  // update orders that before it is read.
+  const std::atomic_ref<Verdict> verdict(verdicts_[record.id]);
+  switch (verdict.load(std::memory_order_relaxed)) {
     case Verdict::keep:
       return UpdateResult::keep;
-    case Verdict::update:
-      record.E = table_[record.id].E;
+    case Verdict::renewed:
+      if (same_bits(record.E, renewed_[record.id])) return UpdateResult::keep;
+      verdict.store(Verdict::changed, std::memory_order_relaxed);
+      [[fallthrough]];
+    case Verdict::changed:
+      record.E = renewed_[record.id];
+      [[fallthrough]];
+    case Verdict::shrunk:
       record.R = radius_of(record.id, table_[record.id].distances);
       return UpdateResult::keep;
     case Verdict::drop:
@@ -250,6 +270,14 @@ UpdateResult TemporalSource::update(Record& record) noexcept {
       return UpdateResult::drop;
   }
   return UpdateResult::drop;
+}
+
+void TemporalSource::updated() noexcept {
+  figures_.records_kept +=
+      static_cast<std::uint64_t>(std::count(verdicts_.begin(), verdicts_.end(), Verdict::renewed));
+  figures_.records_updated +=
+      static_cast<std::uint64_t>(std::count(verdicts_.begin(), verdicts_.end(), Verdict::changed));
+  forget_verdicts();
 }
 
 void TemporalSource::refused(const Record& record) {
@@ -280,11 +308,11 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   trace_visibility(tracer, point, vpls, open, packing, apart ? Shapes::still : Shapes::all);
   const std::span<const std::uint64_t> seen = apart ? unhidden(tracer, w, point, open) : open;
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
-  r.E = irradiance_from(seen, point, vpls, clamp_) + added.E;
+  const Irradiance E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
-  if (!shapes_ || !has_room) return {point.p, point.n, radius_.radius(r.distances), r.E, id};
+  if (!shapes_ || !has_room) return {point.p, point.n, radius_.radius(r.distances), E, id};
   shapes_->details.make_room(id);
-  return {point.p, point.n, reshape(id, point, seen), r.E, id};
+  return {point.p, point.n, reshape(id, point, seen, E), E, id};
 }
 
 void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {

@@ -20,7 +20,8 @@
 //
 // A cache may not let a radius grow in place: a record that gets a larger one is dropped and inserted again, as it
 // would be now (to_insert). A cache that holds a record in several copies is told the same of each: what update()
-// answers was worked out before, and is looked up by id.
+// answers was worked out before, and is looked up by id. The cache alone keeps irradiance from frame to frame, so only
+// update() can tell whether a sum that was taken anew differs from what it was.
 //
 // Records that no pixel uses any more: when the number of records has doubled since this was last done (and grown by
 // kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and
@@ -30,7 +31,8 @@
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is.
 //
-// Memory beside the cache's: 60 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs.
+// Memory beside the cache's: 48 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs; while
+// an update lasts, 13 bytes a record more.
 #pragma once
 
 #include <atomic>
@@ -57,6 +59,7 @@ class TemporalSource final : public RecordSource {
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
   UpdateResult update(Record& record) noexcept override;
+  void updated() noexcept override;
   std::span<const Record> to_insert() const noexcept override { return to_insert_; }
   void refused(const Record& record) override;
 
@@ -72,7 +75,14 @@ class TemporalSource final : public RecordSource {
   const VplSet& vpls() const noexcept { return vpls_; }
 
  private:
-  enum class Verdict : std::uint8_t { keep, update, drop, insert };
+  enum class Verdict : std::uint8_t {
+    keep,     // nothing changed
+    shrunk,   // the radius alone did
+    renewed,  // irradiance was summed anew; maybe it is what it was
+    changed,  // the same, and something did change
+    drop,
+    insert  // drop, and insert again
+  };
 
   // What a thread needs for a record, and what it did.
   struct alignas(kNoSharing) Worker {
@@ -110,7 +120,9 @@ class TemporalSource final : public RecordSource {
   std::uint32_t cut_distances(const Change& change, const Hit& point,
                               const DistanceCodes& distances) const noexcept;
   float radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept;
-  float reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen) noexcept;
+  float reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen,
+                const Irradiance& E) noexcept;
+  void forget_verdicts() noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
 
   const RayTracer& rays_;
@@ -120,9 +132,11 @@ class TemporalSource final : public RecordSource {
   RecordTable table_;
   std::unique_ptr<RecordShapes> shapes_;  // by the ids of table_; null: records as they are
   std::vector<Worker> workers_;
-  MovedBoxes movers_;              // of all that can move, as it stands
-  SegmentEnds ends_;               // the VPLs, for segments to them that movers_ may cut
-  std::vector<Verdict> verdicts_;  // by id; of the last update
+  MovedBoxes movers_;  // of all that can move, as it stands
+  SegmentEnds ends_;   // the VPLs, for segments to them that movers_ may cut
+  // While an update lasts, by id.
+  std::vector<Verdict> verdicts_;
+  std::vector<Irradiance> renewed_;  // W/m^2; of the records renewed or changed
   std::vector<Record> to_insert_;
   bool sweeping_ = false;
   bool started_ = false;

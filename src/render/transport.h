@@ -42,10 +42,10 @@ inline bool propose_point_light(const RayTracer& rays, const Hit& at, const Ligh
   return true;
 }
 
-/// Draws a point on the lights for `at`, where a cosine ray is traced with probability q. False if it cannot
-/// contribute: no lights, or one of the two faces away.
-inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& random,
-                          LightProposal& out) noexcept {
+/// Draws a point on the lights for `at`, where a cosine ray of length `reach` is traced with probability q. False if it
+/// cannot contribute: no lights, or one of the two faces away.
+inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& random, LightProposal& out,
+                          float reach = std::numeric_limits<float>::infinity()) noexcept {
   const LightTable& lights = rays.scene().lights;
   if (lights.empty()) return false;
   const float u_light = random.uniform(), u1 = random.uniform(), u2 = random.uniform();
@@ -59,7 +59,7 @@ inline bool propose_light(const RayTracer& rays, const Hit& at, float q, Pcg32& 
   const float p_l = light.pdf_area * d2 * distance / along_light;
   const glm::vec3 from = rays.leave(at.p, at.ng);
   out.shadow = {from, 1.0f, rays.leave(light.p, light.n) - from};
-  out.E = std::numbers::pi_v<float> * p_b / (p_l + q * p_b) * light.emission;
+  out.E = std::numbers::pi_v<float> * p_b / (p_l + (distance < reach ? q : 0.0f) * p_b) * light.emission;
   return true;
 }
 

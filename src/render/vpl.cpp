@@ -155,7 +155,7 @@ VplSet::VplSet(const RayTracer& rays, const VplParams& params) : rays_(&rays), s
                               ? 1.0
                               : std::max(static_cast<double>(left) / kPilotPaths, 1.0 / kMaxPathsPerVpl);
   ranges_.resize(static_cast<std::size_t>(std::max(1.0, std::round(wanted / per_path))));
-  vpls_ = VplArrays(static_cast<std::size_t>(wanted + 2.0 * std::sqrt(3.0 * wanted)));
+  vpls_ = VplArrays(std::max(params.wanted, 1u));  // a free slot costs as much as one in use: few
   used_.resize(vpls_.words());
 }
 

@@ -243,19 +243,19 @@ float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, flo
   return G > clamp ? 1.0f - clamp / G : 0.0f;
 }
 
-constexpr std::uint32_t kAskedVpls = 4;  // a packet
 constexpr std::uint32_t kProposals = 8;  // light samples of which one is asked
 
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
 
-// Irradiance from the lamps, weighted as propose_light does: of a few samples one is asked, drawn by what it would send
-// if nothing lay between (importance resampling, Talbot et al. 2005). Where there are many lamps that spares most
-// noise.
-Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) noexcept {
+// Irradiance from the lamps, weighted as propose_light does beside rays of length `reach`: of a few samples one is
+// asked, drawn by what it would send if nothing lay between (importance resampling, Talbot et al. 2005). Where there
+// are many lamps that spares most noise.
+Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, float reach, Pcg32& random) noexcept {
   LightProposal proposals[kProposals];
   float sends[kProposals], total = 0.0f;
   for (std::uint32_t k = 0; k < kProposals; ++k) {
-    sends[k] = propose_light(tracer.shared(), at, q, random, proposals[k]) ? sum_of(proposals[k].E) : 0.0f;
+    sends[k] =
+        propose_light(tracer.shared(), at, q, random, proposals[k], reach) ? sum_of(proposals[k].E) : 0.0f;
     total += sends[k];
   }
   const float target = random.uniform() * total;
@@ -266,9 +266,9 @@ Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, Pcg32& random) n
   return total / kProposals * (proposals[k].E / sends[k]);
 }
 
-// Irradiance from all VPLs, clamped, by a few of one word drawn at random, each drawn by what it would send if nothing
-// lay between.
-Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp, Packing packing,
+// Irradiance from all VPLs, clamped, by one of a word that is drawn at random: drawn by what it would send if nothing lay
+// between. Asking four of them makes compensation hardly less noisy, and half as costly again.
+Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp,
                        Pcg32& random) noexcept {
   const auto words = static_cast<float>(vpls.words());
   const auto word = static_cast<std::size_t>(random.uniform() * words);
@@ -289,49 +289,33 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   if (!(total > 0.0f && total < kMaxIrradiance))
     return glm::vec3(0.0f);  // or beyond what a float can be summed to
 
-  // Systematic: the u-th part of every quarter of the total.
-  const float epsilon = tracer.shared().epsilon();
-  float x[kAskedVpls], y[kAskedVpls], z[kAskedVpls];
-  std::size_t drawn[kAskedVpls];
   std::size_t i = 0;
-  float below = sends[0];
-  for (std::uint32_t k = 0; k < kAskedVpls; ++k) {
-    const float target = total * (static_cast<float>(k) + u) / kAskedVpls;
-    while (i + 1 < kWord && !(target < below)) below += sends[++i];
-    drawn[k] = i;
-    x[k] = v.px[i] + epsilon * v.nx[i];
-    y[k] = v.py[i] + epsilon * v.ny[i];
-    z[k] = v.pz[i] + epsilon * v.nz[i];
-  }
-  constexpr std::uint64_t kAll = (1u << kAskedVpls) - 1;
-  const std::uint64_t hidden =
-      tracer.occluded_from(tracer.shared().leave(at.p, at.ng), x, y, z, kAll, packing);
-  Irradiance E(0.0f);
-  for (std::uint32_t k = 0; k < kAskedVpls; ++k) {
-    const std::size_t j = drawn[k];
-    if ((hidden >> k & 1u) == 0 && sends[j] > 0.0f) E += glm::vec3(v.red[j], v.green[j], v.blue[j]) / flux[j];
-  }
-  return words * total / kAskedVpls * std::numbers::inv_pi_v<float> * E;
+  for (float below = sends[0]; i + 1 < kWord && !(u * total < below);) below += sends[++i];
+  if (!(sends[i] > 0.0f)) return glm::vec3(0.0f);
+  const RayTracer& rays = tracer.shared();
+  const glm::vec3 from = rays.leave(at.p, at.ng);
+  const Vpl vpl = vpls[word * kWord + i];
+  if (tracer.occluded(Ray{from, 1.0f, rays.leave(vpl.p, vpl.n) - from})) return glm::vec3(0.0f);
+  return words * total * std::numbers::inv_pi_v<float> * (vpl.flux / flux[i]);
 }
 
-// Irradiance at a surface, unbiased: from the lamps, from the VPLs, and what the clamp takes of the latter.
-Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Packing packing,
-                         Pcg32& random) noexcept {
+// Irradiance at a surface, unbiased: from the lamps, from the VPLs, and what the clamp takes of the latter. That comes
+// from within reach, so no ray looks farther; lamps beyond are left to light samples.
+Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Pcg32& random) noexcept {
   constexpr float kGoOn = 0.5f;  // what the clamp takes at the second surface counts little
   const RayTracer& rays = tracer.shared();
+  const float reach = compensation_reach(clamp);
   glm::vec3 E(0.0f), weight(1.0f);
   for (;;) {
     const float q = kGoOn * survival(weight);
     if (!(q > 0.0f)) return E;
-    E += weight *
-         (sample_lamps(tracer, at, q, random) + sample_vpls(tracer, at, vpls, clamp, packing, random));
+    E += weight * (sample_lamps(tracer, at, q, reach, random) + sample_vpls(tracer, at, vpls, clamp, random));
 
     if (!(random.uniform() < q)) return E;
     const float u_elevation = random.uniform(), u_azimuth = random.uniform();
     const glm::vec3 d = cosine_direction(Basis(at.n), u_elevation, u_azimuth);
     if (!(glm::dot(d, at.ng) > 0.0f)) return E;  // into the surface, past a tilted shading normal
-    const Hit next =
-        tracer.intersect(Ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(), d});
+    const Hit next = tracer.intersect(Ray{rays.leave(at.p, at.ng), reach, d});
     if (next.missed()) return E;
     const Material& material = rays.material(next);
     if (next.front && material.emits()) {
@@ -467,7 +451,7 @@ Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, f
     out.met |= std::uint64_t{1} << index[k];
     Pcg32 random(hash_keys(key, index[k] + 1));
     out.E += share / static_cast<float>(count) * rays.albedo(met[k]) *
-             irradiance_at(tracer, met[k], vpls, clamp, packing, random);
+             irradiance_at(tracer, met[k], vpls, clamp, random);
   }
   return out;
 }

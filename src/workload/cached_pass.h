@@ -60,6 +60,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
         break;
       case RecordsThen::update:
         cache_.update_records([this](Record& r) noexcept { return source_->update(r); });
+        source_->updated();
         insert_again();
         break;
       case RecordsThen::go:
