@@ -55,8 +55,8 @@ std::uint64_t bits_of(const Fan& fan, const std::uint32_t (&lanes)[kFan + kPacke
 }
 
 // Bits of the rays whose segment may meet one of the boxes, each larger by `by` on every side: separating axes
-// (Gottschalk et al. 1996), without a division. None that meets one is missing; what is told to meet a box does meet one
-// that is larger by more than rounding.
+// (Gottschalk et al. 1996), without a division. None that meets one is missing; what is told to meet a box does meet
+// one that is larger by more than rounding.
 std::uint64_t near_boxes(const Fan& fan, const glm::vec3& from, std::span<const Solid::Box> boxes,
                          const glm::vec3& by) noexcept {
   alignas(64) std::uint32_t meets[kFan + kPacket] = {};
