@@ -72,7 +72,7 @@ struct InOneOrder {
 /// reading, and a writer waits at all of them. Reading costs a read-modify-write of a line that is at hand, writing a
 /// look at as many lines as there are sessions. These are the visible readers of BRAVO (Dice & Kogan, USENIX ATC 2019),
 /// with a word a session where BRAVO hashes threads into a table and so needs a second lock for those that collide.
-/// Blocking; a writer that waits keeps new readers out.
+/// Blocking; a writer that waits keeps new readers out, and writers in a row may keep them out for long.
 ///
 /// Writers exclude each other by the spin lock (L1). Of a reader and a writer one sees the other:
 ///
