@@ -45,10 +45,14 @@ def sentences(table: pd.DataFrame) -> str:
         worth = [f"{what} {style.number(ratio)}" for what, ratio in worth if ratio is not None]
         if worth:
             said += f" Step by step: {', '.join(worth)} times."
+        batch = _ratio(part, "wait_free", "packed_batch")
+        if batch is not None:
+            said += f" Asked in batches, the packed octree is {style.number(batch)} times as fast as Ward's structure."
         left = _ratio(part, "packed_wait_free", "told")
         if left is not None:
             said += (f" A query that is told which records are valid, and only reads, weighs and adds them, is another "
-                     f"{style.number(left)} times as fast: no structure can gain more than that.")
+                     f"{style.number(left)} times as fast: no structure can gain more than that, as long as one query is "
+                     "answered after the other.")
         made += f"<p><b>{text(said)}</b></p>"
     return made
 
