@@ -10,6 +10,7 @@ import pareto
 import promises
 import redundant_records
 import repeatability
+import scaling_law
 import speed_error
 import speedup
 import steps
@@ -23,7 +24,7 @@ import utilisation
 import witness
 
 # Of what was measured.
-FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, structure_mechanism,
+FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, scaling_law, contention_map, structure_mechanism,
                                         speed_error, latency,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.

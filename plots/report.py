@@ -11,12 +11,16 @@ from string import Template
 
 import style  # first: it checks what is installed
 
+import pandas as pd
 from PIL import Image
 
 import anatomy_page
 import anatomy_results
+import choice_page
 import correctness
 import correctness_page
+import explorer
+import interactive
 import pareto_page
 import pareto_results
 import repeatability_page
@@ -178,16 +182,19 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     the rest of the page, name by anchor.
     """
     drawn, left_out = _draw(FIGURES, setup, folder)
+    laws = next((pd.read_csv(done.csv) for done in drawn if done.figure.name == "scaling_law"), None)
     figures = "".join(map(note_line, left_out))
     figures += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
                        for number, done in enumerate(drawn, 1))
     numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
-               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
+               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}"
+               f"{tables.scaling_laws(laws)}")
     parts = [  # anchor, heading, link, starts a printed page, content
         ("warnings", "Before you believe a number", style.plural(len(cautions(setup)), "warning"), False,
          _warnings(setup)),
         ("leaders", "Best mechanism per workload", "Best mechanisms", False, tables.best_mechanisms(setup)),
         ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
+        ("explore", "Explore", "Explore", False, explorer.section(setup, prefix)),
         ("figures", "Figures", "Figures", True, figures),
         ("tables", "Tables", "Tables", True, numbers),
         ("environment", "Environment", "Environment", True, _environment(setup, command))]
@@ -195,7 +202,8 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     page = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if prefix else ""
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
     links += "".join(f'<a href="#{anchor}">{name}</a>' for anchor, name in further.items())
-    page += f"<nav>{links}</nav>{_summary(setup)}"
+    page += f'<nav>{links}</nav><h2 class="flow first" id="{prefix}choice">{choice_page.kTitle}</h2>'
+    page += f'{choice_page.section(setup, prefix)}<h2 class="flow">What was measured, and what stands out</h2>{_summary(setup)}'
     for anchor, heading, _, breaks, content in parts:
         page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
     return page
@@ -272,7 +280,8 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")
+    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body,
+                                        scripts=interactive.scripts()), encoding="utf-8")
     return page
 
 
