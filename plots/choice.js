@@ -8,6 +8,7 @@
     return `${round(middle)} %` + (low === null ? "" : ` [${round(low)}, ${round(high)}]`);
   };
   const listed = (words) => words.length < 2 ? words.join("") : `${words.slice(0, -1).join(", ")} and ${words.at(-1)}`;
+  const capital = (words) => words[0].toUpperCase() + words.slice(1);
   const cores = (n) => `${n} core${n === 1 ? "" : "s"}`;
 
   class Choice {
@@ -93,17 +94,21 @@
       if (!found) return [this.note(`Nothing was measured for ${this.amount(at)} on ${cores(n)}.`)];
       const [certainty, way, repetitions, rendered, lines] = found;
       const best = lines[0], rest = lines.slice(1);
-      const tied = rest.filter((l) => !(l[3] > 1)), behind = rest.filter((l) => l[3] > 1);
+      const told = (line) => line[3] !== null && line[3] > this.data.negligible;
+      const tied = rest.filter((l) => !told(l)), behind = rest.filter(told);
       const said = [`With ${this.amount(at)} on ${cores(n)}, use `, make("b", {}, kinds[best[0]]), " (",
         make("code", {}, caches[best[1]]), "). "];
       if (best[5] !== null) {
         said.push(best[5] > 0 ? `Sharing costs ${percent(best[5], best[6], best[7])} of the cores' time. `
           : `Sharing costs nothing that shows (${percent(best[5], best[6], best[7])} of the cores' time). `);
       }
-      if (tied.length) said.push(`Not to be told from it: ${listed(tied.map((l) => kinds[l[0]]))}. `);
+      if (tied.length) {
+        const trifle = percent(this.data.negligible - 1, null);
+        said.push(`Not shown to be more than ${trifle} slower: ${listed(tied.map((l) => kinds[l[0]]))}. `);
+      }
       if (behind.length) {
         const next = behind[0], last = behind.at(-1);
-        said.push(`${kinds[next[0]]} would take ${interval(next[2], next[3], next[4])} times as long`);
+        said.push(`${capital(kinds[next[0]])} would take ${interval(next[2], next[3], next[4])} times as long`);
         said.push(last === next ? ". " : `, ${kinds[last[0]]} ${interval(last[2], last[3], last[4])} times. `);
       }
       const sure = [make("b", {className: `sure sure-${certainty}`}, certainties[certainty]), ` ${ways[way]}`];

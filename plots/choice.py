@@ -30,6 +30,7 @@ kMicroseconds = [0, *(round(10 ** (k / 4), 2) for k in range(-4, 13))]
 kFurther = 4         # scaling laws answer up to this many times the most threads measured
 kMeasured, kSimulated, kExtrapolated = "measured", "simulated", "extrapolated"
 kAlone = "no synchronisation"
+kNegligible = 1.02   # a mechanism whose interval begins no higher may as well be taken
 
 
 def kind_of(mechanism: str) -> str:
@@ -81,8 +82,8 @@ class Answer:
 
     @property
     def tied(self) -> list[Line]:
-        """What cannot be told from the fastest, without it."""
-        return [line for line in self.lines[1:] if not line.ratio[1] > 1]
+        """What cannot be told from the fastest by more than a trifle, without it."""
+        return [line for line in self.lines[1:] if not line.ratio[1] > kNegligible]
 
 
 @dataclass

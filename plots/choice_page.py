@@ -5,7 +5,8 @@ import math
 
 import interactive
 import style
-from choice import (Answer, Choice, answer, choice, errors_at, kExtrapolated, kMeasured, kSimulated)
+from choice import (Answer, Choice, answer, choice, errors_at, kExtrapolated, kMeasured, kNegligible,
+                    kSimulated)
 from figure import Omitted
 from over_threads import cache_rows
 from results import Setup, summarise
@@ -79,7 +80,7 @@ def collected(setup: Setup, made: Choice) -> dict:
     return {"inRays": made.in_rays, "x": made.x, "microseconds": [interactive.short(made.microseconds(x)) for x in made.x],
             "threads": made.threads, "accuracies": made.accuracies, "errors": errors, "answers": answers,
             "kinds": list(kinds), "caches": list(caches), "ways": list(ways), "scene": made.scene,
-            "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions,
+            "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions, "negligible": kNegligible,
             "machine": setup.label, "cores": setup.cores, "path": _path(setup, made)}
 
 
@@ -169,7 +170,8 @@ def section(setup: Setup, prefix: str) -> str:
         notes.append(f"a ray of a record costs {style.interval(*made.microseconds_a_ray)} µs here, with what belongs to "
                      f"it ({made.scene}, {style.threads_text(min(p.threads for p in made.planes if p.rendered))})")
     coarse = f" At accuracy a = {made.accuracies[0]:g}." if made.accuracies else ""
-    return (f'<div class="choice" data-from="{identity}">{_form(setup, made)}</div>{interactive.data(identity, collected(setup, made))}'
+    known = interactive.data(identity, collected(setup, made))
+    return (f'<div class="choice" data-from="{identity}">{_form(setup, made)}</div>{known}'
             f'<details class="plain" open><summary>The answers for round numbers ({text("; ".join(sources))})</summary>'
             f'<p class="note">Bold: the access mechanism that took least time, by its fastest cache; ≈ what could not '
             f"be told from it. × is time over that of the fastest, with its 95 % interval. Sharing loses what one thread "

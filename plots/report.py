@@ -30,7 +30,7 @@ from cautions import cautions
 from figure import Omitted, Written, folder_of, parser, write
 from figures import ANATOMY_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
 from findings import Finding, findings
-from inline import data_uri, drawing
+from inline import data_uri, drawing, image
 from over_threads import cache_rows
 from results import InputError, Setup, load, summarise
 from tables import note_line, text
@@ -110,9 +110,9 @@ def _pictures(setup: Setup) -> str:
                 buffer = io.BytesIO()
                 picture.save(buffer, "PNG", optimize=True)
                 data = buffer.getvalue()
-            about = text(_about_picture(path))
-            made.append(f'<figure><img src="{data_uri("image/png", data)}" alt="{about}">'
-                        f"<figcaption>{about}</figcaption></figure>")
+            about = _about_picture(path)
+            made.append(f'<figure>{image(data_uri("image/png", data), about, *picture.size)}'
+                        f"<figcaption>{text(about)}</figcaption></figure>")
     return f'<div class="pictures">{"".join(made)}</div>' if made else ""
 
 
