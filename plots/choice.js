@@ -4,7 +4,7 @@
 (() => {
   const make = icbench.element, {number, interval} = icbench;
   const percent = (middle, low, high) => {
-    const round = (v) => Math.abs(v) < 0.1 ? Number((v * 100).toFixed(1)) : Math.round(v * 100);
+    const round = (v) => (Math.abs(v) < 0.1 ? Number((v * 100).toFixed(1)) : Math.round(v * 100)) + 0;
     return `${round(middle)} %` + (low === null ? "" : ` [${round(low)}, ${round(high)}]`);
   };
   const listed = (words) => words.length < 2 ? words.join("") : `${words.slice(0, -1).join(", ")} and ${words.at(-1)}`;
@@ -152,5 +152,10 @@
   }
 
   for (const root of document.querySelectorAll(".choice")) new Choice(root);
+  // The form answers on the screen, the table on paper.
+  const tables = document.querySelectorAll("details.plain");
+  for (const table of tables) table.open = false;
+  addEventListener("beforeprint", () => { for (const table of tables) table.open = true; });
+  addEventListener("afterprint", () => { for (const table of tables) table.open = false; });
   performance.mark("icbench-choice");
 })();

@@ -141,7 +141,7 @@ def _rendered(rows: pd.DataFrame) -> tuple[list[Plane], str]:
     """The planes of the rendered scene with most settings, and its name."""
     rows = rows[(rows["workload_kind"] == "ray_traced") & (rows["rays_per_record"] > 0) & rows["accuracy"].notna()]
     rows = rows.assign(took=rows["seconds_indirect"].fillna(rows["seconds"]))
-    rows = rows[(rows["took"] > 0) & ~rows["oversubscribed"] & (rows["cache"] != "null")]
+    rows = rows[(rows["took"] > 0) & (rows["cache"] != "null")]
     if rows.empty:
         return [], ""
     rows = _largest_family(rows, "rays", "a")
@@ -213,10 +213,12 @@ def microseconds_a_ray(planes: list[Plane], rows: pd.DataFrame) -> tuple[float, 
 def choice(setup: Setup) -> Choice:
     """Raises Omitted where the rows cannot tell anything."""
     rows = cache_rows(setup)
+    # Two hardware threads of one core are no two cores.
+    rows = rows[~rows["oversubscribed"] & (rows["threads"] <= (setup.cores or math.inf))]
     simulated = getattr(setup, "simulated", pd.DataFrame())
     rendered, scene = _rendered(rows)
     missed = _by_cost(rows)
-    planes = rendered + _miss_driven(missed[~missed["oversubscribed"]], kMeasured)
+    planes = rendered + _miss_driven(missed, kMeasured)
     measured = max((p.threads for p in planes), default=0)
     imagined = _by_cost(simulated) if len(simulated) else pd.DataFrame()
     validated = 0

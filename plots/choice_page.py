@@ -12,7 +12,8 @@ from over_threads import cache_rows
 from results import Setup, summarise
 from tables import note_line, table, text
 
-kRows = (4, 16, 64, 256, 1024, 4096)   # of the static table
+kRows = (4, 16, 64, 256, 1024)   # of the static table
+kColumns = 4                     # likewise, numbers of cores
 kMicrosecondRows = (0, 1, 10, 100, 1000)
 kCertainties = (kMeasured, kSimulated, kExtrapolated)
 kFewRepetitions = 6  # below it a bootstrap interval reaches no further than the samples
@@ -85,8 +86,20 @@ def collected(setup: Setup, made: Choice) -> dict:
 
 
 def _share(value: tuple) -> str:
-    shown = f"{value[0] * 100:.0f} %"
-    return shown + (f" [{value[1] * 100:.0f}, {value[2] * 100:.0f}]" if math.isfinite(value[1]) else "")
+    low, high = (round(v * 100) if math.isfinite(v) else None for v in value[1:])
+    return f"{round(value[0] * 100)} %" + (f" [{low}, {high}]" if low is not None else "")
+
+
+def _columns(made: Choice) -> list[int]:
+    """At most kColumns of the numbers of cores: the most that was measured and the most of all are among them."""
+    measured = [p.threads for p in made.planes if p.certainty == kMeasured]
+    wanted = {made.threads[-1], max(measured, default=made.threads[0])}
+    rest = [n for n in made.threads if n not in wanted]
+    while rest and len(wanted) < kColumns:  # what lies farthest from all that is there
+        best = max(rest, key=lambda n: min(abs(math.log(n / w)) for w in wanted))
+        wanted.add(best)
+        rest.remove(best)
+    return sorted(wanted)
 
 
 def _cell(made: Choice, found: Answer | None) -> str:
@@ -109,14 +122,15 @@ def _cell(made: Choice, found: Answer | None) -> str:
 def static_table(setup: Setup, made: Choice) -> str:
     """The answers for round numbers, for print and for pages without scripts."""
     mechanisms, coarsest = _mechanisms(setup), made.accuracies[0] if made.accuracies else None
+    counts = _columns(made)
     head = (f'<th>{"rays a record" if made.in_rays else "cost of a record"}</th>'
-            + "".join(f"<th>{style.plural(n, 'core')}</th>" for n in made.threads))
+            + "".join(f"<th>{style.plural(n, 'core')}</th>" for n in counts))
     lines = []
     for x in kRows if made.in_rays else kMicrosecondRows:
         cost = made.microseconds(x)
         under = f'<span class="under">{style.number(cost)} µs a record</span>' if math.isfinite(cost) else ""
         name = f"{x:,}{under}" if made.in_rays else f"{x:,} µs"
-        cells = "".join(_cell(made, answer(made, mechanisms, x, n, coarsest)) for n in made.threads)
+        cells = "".join(_cell(made, answer(made, mechanisms, x, n, coarsest)) for n in counts)
         lines.append(f'<tr><td class="key">{name}</td>{cells}</tr>')
     return f'<div class="scroll">{table(head, lines, "wide choices")}</div>'
 

@@ -50,6 +50,28 @@
     },
   };
 
+  // Round values of a logarithmic axis, at most `most` of them: every step of some plan that fits.
+  function roundValues(low, high, most) {
+    const plans = [[1, 2, 3, 4, 5, 6, 8], [1, 2, 5], [1, 3], [1]];
+    const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
+    for (let stride = 1; ; stride += 1) {
+      for (const steps of stride === 1 ? plans : [[1]]) {
+        const found = [];
+        for (let d = first; d <= last; ++d)
+          if (d % stride === 0) found.push(...steps.map((s) => Number(`${s}e${d}`)).filter((v) => v >= low && v <= high));
+        if (found.length <= most) return found.length ? found : [Math.sqrt(low * high)];
+      }
+    }
+  }
+
+  // From a little below the least interval to a little above the greatest; never zoomed into noise.
+  function logarithmicRange(points) {
+    const values = points.flatMap((p) => [p.y, p.low, p.high]).filter((v) => v !== null && v > 0);
+    let low = Math.min(...values), high = Math.max(...values);
+    if (high / low < 1.6) [low, high] = [Math.sqrt(low * high) / 1.6, Math.sqrt(low * high) * 1.6];
+    return [low / 1.1, high * 1.1];
+  }
+
   class Explorer {
     constructor(root) {
       this.root = root;
@@ -141,6 +163,8 @@
       const logarithmic = xs.length > 1 && xs[0] > 0;
       const room = logarithmic ? [xs[0] / 1.15, xs.at(-1) * 1.15]
         : [Math.min(...xs, 0) - 0.05 * (xs.at(-1) || 1), (xs.at(-1) || 1) * 1.05];
+      const points = lines.flatMap(([, line]) => line);
+      const [low, high] = log && points.length ? logarithmicRange(points) : [undefined, undefined];
       const chart = new Chart(canvas, {
         type: "line",
         data: {datasets: lines.map(([cache, points]) => this.dataset(this.data.caches[cache], points))},
@@ -156,8 +180,10 @@
               ticks: {callback: (value) => String(value), autoSkip: true, maxRotation: 0}, grid: {display: false},
             },
             y: {
-              type: log ? "logarithmic" : "linear", beginAtZero: !log, title: {display: true, text: label},
-              ticks: {callback: (value) => icbench.number(value, 2), maxTicksLimit: 8}, grid: {color: "#e6e6e6"},
+              type: log ? "logarithmic" : "linear", beginAtZero: !log, min: low, max: high,
+              afterBuildTicks: (axis) => { if (low) axis.ticks = roundValues(low, high, 7).map((value) => ({value})); },
+              title: {display: true, text: label},
+              ticks: {callback: (value) => value.toLocaleString("en-US", {maximumSignificantDigits: 3}), autoSkip: !log}, grid: {color: "#e6e6e6"},
             },
           },
           plugins: {

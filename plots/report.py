@@ -205,7 +205,8 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     page += f'<nav>{links}</nav><h2 class="flow first" id="{prefix}choice">{choice_page.kTitle}</h2>'
     page += f'{choice_page.section(setup, prefix)}<h2 class="flow">What was measured, and what stands out</h2>{_summary(setup)}'
     for anchor, heading, _, breaks, content in parts:
-        page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
+        kind = "screen" if anchor == "explore" else "" if breaks else "flow"
+        page += f'<h2 class="{kind}" id="{prefix}{anchor}">{heading}</h2>{content}'
     return page
 
 
