@@ -17,6 +17,7 @@ from PIL import Image
 import anatomy_page
 import anatomy_results
 import choice_page
+import comparison_page
 import correctness
 import correctness_page
 import explorer
@@ -27,8 +28,9 @@ import repeatability_page
 import repeatability_results
 import tables
 from cautions import cautions
+from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
-from figures import ANATOMY_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
+from figures import ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -233,6 +235,16 @@ def _measured(found: list[pareto_results.Measured], figures: list, page, out: Pa
     return made
 
 
+def _differences(found: list[Comparison], out: Path) -> str:
+    """What differs between the runs, pair by pair."""
+    made = f'<h2 class="flow" id="differences">{comparison_page.kTitle}</h2>'
+    for one in found:
+        drawn, left_out = _draw(COMPARISON_FIGURES, one, out / "figures" / one.slug)
+        shown = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
+        made += comparison_page.section(one, shown + "".join(map(note_line, left_out)))
+    return made
+
+
 def _correctness(found: list[correctness.Correctness], out: Path) -> str:
     """A section for each file of icstress, or how to get one."""
     made = ""
@@ -262,16 +274,20 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         label = f"{len(setups)} machines or builds"
         names = "; ".join(s.label for s in setups)
         body += (f'<p class="lead">The files come from {label} ({text(names)}). Each has a part of its own '
-                 "below: nothing is merged or compared across them.</p>")
+                 "below: nothing is merged across them. What differs stands first.</p>")
     cut = [s.label for s in setups if s.complete is False]
     if cut:
         which = f" ({text('; '.join(cut))})" if several else ""
         body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
                  "only what was measured until then.</div>")
     body += "".join(map(correctness_page.alarm, checked))
+    if several:
+        names = "".join(f'<a href="#{s.slug}-summary">{text(s.label)}</a>' for s in setups)
+        body += f"<nav>{names}</nav>{_differences(comparisons(setups), out)}"
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
-        further = {one.slug: "All methods" for one in compared[:1]}
+        further = {"differences": comparison_page.kTitle} if several else {}
+        further |= {one.slug: "All methods" for one in compared[:1]}
         further |= {one.slug: "What threads add" for one in repeated[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
