@@ -42,7 +42,7 @@ kNumericColumns = (
     "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
     "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
     "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "rays",
-    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect")
+    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect", "validated_to_threads")
 kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
 
 
@@ -58,8 +58,9 @@ class Setup:
     context: dict
     contexts: list[dict]
     paths: list[Path]
-    rows: pd.DataFrame
+    rows: pd.DataFrame  # measured ones
     remarks: list[str] = field(default_factory=list)
+    simulated: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of icbench simulate: never drawn as measured
 
     def _topology(self, *names: str) -> int | None:
         """A count of what the run was allowed to use, else of the whole machine."""
@@ -234,6 +235,8 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         rows["oversubscribed"] = beyond
     counted = rows.groupby(["name", "cache", "workload", "threads", "placement"]).cumcount()
     rows["repetition_index"] = rows["repetition_index"].fillna(counted).astype(int)
+    stated = rows["simulated"] if "simulated" in rows else pd.Series(False, rows.index)
+    rows["simulated"] = stated.map(lambda said: said == said and _truth(said)).astype(bool)
     rows["run"] = run
     # One cell may be measured by two parts of a run (sweep and pareto); `take` tells their repetitions apart.
     rows["take"] = rows.groupby(["cache", "workload", "threads", "placement", "spp", "repetition_index"],
@@ -295,15 +298,23 @@ def load(paths) -> list[Setup]:
         names = {w: workload_label(w) for w in rows["workload"].unique()}
         rows["items_per_second"] = _useful_rate(rows)
         rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
-        setup.rows = rows
+        setup.rows, setup.simulated = (part.reset_index(drop=True) for part in
+                                       (rows[~rows["simulated"]], rows[rows["simulated"]]))
+        if setup.rows.empty:
+            continue
         keys = set().union(*setup.contexts) - kFreeKeys
         unequal = sorted(k for k in keys if len({_identity(c, [k]) for c in setup.contexts}) > 1)
         if unequal:
             setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
         setups.append(setup)
     if not setups:
-        raise InputError(f"{', '.join(str(p) for p in paths)}: no rows; run the sweep again, or without "
+        raise InputError(f"{', '.join(str(p) for p in paths)}: no measured rows; run the sweep again, or without "
                          "--dry-run")
+    for setup in groups.values():
+        if setup.rows.empty and len(setup.simulated):
+            setups[0].remarks.append(f"{len(setup.simulated)} simulated rows of "
+                                     f"{', '.join(path.name for path in setup.paths)} come from a machine or build of "
+                                     "which nothing measured is here, and are left out")
     _label(setups)
     return setups
 

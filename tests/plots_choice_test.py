@@ -219,6 +219,29 @@ class Choice(InFolder):
         page = choice_page.section(setup, "")
         self.assertIn("simulated, validated to 8 threads on this machine", page)
 
+    def test_simulated_rows_are_kept_apart_from_measured_ones(self):
+        measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
+        simulated = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 256),
+                                  errors=False, repetitions=1)
+        for row in simulated["benchmarks"]:
+            row["name"] = row["name"].replace("sweep/", "simulate/")
+            row |= {"simulated": True, "validated_to_threads": 8}
+        paths = [write_results(self.folder / "m.json", measured), write_results(self.folder / "s.json", simulated)]
+        setup, = results.load(paths)
+        self.assertEqual(len(setup.rows), len(measured["benchmarks"]))
+        self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
+        self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
+        made = choice.choice(setup)
+        self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
+        found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
+        self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
+        with self.assertRaisesRegex(results.InputError, "no measured rows"):
+            results.load(paths[1:])
+        simulated["context"]["commit"] = "other"
+        setup, = results.load([paths[0], write_results(self.folder / "t.json", simulated)])
+        self.assertTrue(setup.simulated.empty)
+        self.assertIn("simulated rows of t.json come from a machine or build of which nothing", setup.remarks[-1])
+
     def test_without_costs_there_is_no_answer_and_a_reason(self):
         setup = results.load([self.results(workloads=("read_only",))])[0]
         self.assertIn("cannot be said: neither a rendered scene", choice_page.section(setup, ""))
