@@ -45,8 +45,8 @@
       if (this.data.x[at] !== x) made.push(this.note(`Answered for ${this.amount(at)}, the nearest worked out.`));
       if (above === undefined)
         made.push(make("p", {className: "beyond"},
-          `Nothing is known for ${cores(asked)}: the most that there is evidence for is ${threads.at(-1)}, which follows. ` +
-          "It is no answer for more."));
+          `Nothing is known for ${cores(asked)}: the most that there is evidence for is ${threads.at(-1)}, which ` +
+          "follows. It is no answer for more."));
       else if (shown.length === 2)
         made.push(this.note(`There is evidence for ${shown.join(" and ")} cores, none for ${asked}: both follow.`));
       const accuracy = this.accuracy(at, error);
@@ -75,12 +75,12 @@
       const known = this.data.errors[at];
       if (!known.length) return this.note("No errors were measured with these results, so none is asked for.");
       const [accuracy, middle, low, high, measured] = known.find(([a]) => a === this.accuracy(at, error));
-      const value = `relMSE ${interval(middle, low, high)}, ${measured ? "measured" : "from the nearest numbers of rays"}` +
-        ` in ${this.data.scene}`;
+      const from = measured ? "measured" : "from the nearest numbers of rays";
+      const value = `relMSE ${interval(middle, low, high)}, ${from}` + ` in ${this.data.scene}`;
       const kept = error === null || (high ?? middle) <= error;
       const words = kept ? `Accuracy a = ${accuracy}: ${value}.`
-        : `No accuracy measured keeps relMSE within ${error} at this many rays: the finest, a = ${accuracy}, has ${value}. ` +
-          "Take more rays.";
+        : `No accuracy measured keeps relMSE within ${error} at this many rays: the finest, a = ${accuracy}, ` +
+          `has ${value}. ` + "Take more rays.";
       return make("p", {className: kept ? "setting" : "beyond"}, words);
     }
 
@@ -137,12 +137,12 @@
     }
 
     table(lines, rendered, n) {
-      const {kinds, caches} = this.data;
-      const heads = ["access mechanism", "fastest cache", "time, × the fastest", "cores' time lost to sharing",
-        "records beyond one thread's", rendered ? "seconds of the picture's indirect light" : "queries answered, M/s"];
-      const head = make("tr", {}, ...heads.map((h, i) => make("th", {className: i > 1 ? "n" : ""}, h)));
+      const {kinds, caches, structures} = this.data;
+      const heads = ["access mechanism", "fastest cache", "structure", "time, × the fastest",
+        "cores' time lost to sharing", "records beyond one thread's", rendered ? "seconds of the picture's indirect light" : "queries answered, M/s"];
+      const head = make("tr", {}, ...heads.map((h, i) => make("th", {className: i > 2 ? "n" : ""}, h)));
       const body = lines.map((l) => make("tr", {}, make("td", {}, kinds[l[0]]), make("td", {}, caches[l[1]]),
-        make("td", {className: "n"}, interval(l[2], l[3], l[4])),
+        make("td", {}, structures[l[1]]), make("td", {className: "n"}, interval(l[2], l[3], l[4])),
         make("td", {className: "n"}, l[5] === null ? "–" : percent(l[5], l[6], l[7])),
         make("td", {className: "n"}, l[8] === null ? "–" : percent(l[8], null)),
         make("td", {className: "n"}, number(rendered ? l[9] : 1e-6 / l[9]))));

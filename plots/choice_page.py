@@ -23,7 +23,8 @@ kTitle = "Which scheme to use"
 def how_sure(certainty: str, validated_to: int) -> str:
     """The certainty in words, never without what it is worth."""
     if certainty == kSimulated:
-        return f"simulated, validated to {style.threads_text(validated_to)} on this machine"
+        return (f"simulated, validated to {style.threads_text(validated_to)} on this machine" if validated_to
+                else "simulated, not validated on this machine")
     return {kMeasured: "measured", kExtrapolated: "extrapolated, not measured"}[certainty]
 
 
@@ -56,6 +57,7 @@ def _path(setup: Setup, made: Choice) -> dict[int, list]:
 def collected(setup: Setup, made: Choice) -> dict:
     """All answers as the script looks them up."""
     mechanisms = _mechanisms(setup)
+    structures = dict(zip(setup.rows["cache"], setup.rows["structure"].str.replace("_", " ")))
     kinds: dict[str, int] = {}
     caches: dict[str, int] = {}
     ways: dict[str, int] = {}
@@ -78,10 +80,12 @@ def collected(setup: Setup, made: Choice) -> dict:
                                 int(found.rendered), lines]
     errors = [[[e.accuracy, *_three(e.relmse), int(e.measured)] for e in errors_at(made, x)] if made.in_rays else []
               for x in made.x]
-    return {"inRays": made.in_rays, "x": made.x, "microseconds": [interactive.short(made.microseconds(x)) for x in made.x],
+    costs = [interactive.short(made.microseconds(x)) for x in made.x]
+    return {"inRays": made.in_rays, "x": made.x, "microseconds": costs,
             "threads": made.threads, "accuracies": made.accuracies, "errors": errors, "answers": answers,
-            "kinds": list(kinds), "caches": list(caches), "ways": list(ways), "scene": made.scene,
-            "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions, "negligible": kNegligible,
+            "kinds": list(kinds), "caches": list(caches), "structures": [structures.get(c, "") for c in caches],
+            "ways": list(ways), "scene": made.scene, "negligible": kNegligible,
+            "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions,
             "machine": setup.label, "cores": setup.cores, "path": _path(setup, made)}
 
 
@@ -143,8 +147,10 @@ def error_table(made: Choice) -> str:
     cells = {(r.rays_per_record, r.accuracy): style.interval(r.median, r.low, r.high)
              for r in made.errors.itertuples()}
     head = "<th>relMSE, rays a record</th>" + "".join(f'<th class="n">a = {a:g}</th>' for a in accuracies)
-    lines = [f'<tr><td>{rays:,.0f}</td>' + "".join(f'<td class="n">{cells.get((rays, a), "–")}</td>' for a in accuracies)
-             + "</tr>" for rays in sorted(made.errors["rays_per_record"].unique())]
+    lines = []
+    for rays in sorted(made.errors["rays_per_record"].unique()):
+        shown = "".join(f'<td class="n">{cells.get((rays, a), "–")}</td>' for a in accuracies)
+        lines.append(f"<tr><td>{rays:,.0f}</td>{shown}</tr>")
     return table(head, lines)
 
 
@@ -158,8 +164,8 @@ def _form(setup: Setup, made: Choice) -> str:
              'placeholder="any"></label>' if middle else "")
     cores = setup.cores if setup.cores in made.threads else made.threads[-1]
     return (f'<form class="question"><label>{words} <input name="x" type="number" min="0" step="any" value="{first}" '
-            f'required></label><label>Cores <input name="cores" type="number" min="1" step="1" value="{cores}" required>'
-            f'</label>{error}</form><div class="answer" role="status" aria-live="polite"></div>')
+            f'required></label><label>Cores <input name="cores" type="number" min="1" step="1" value="{cores}" '
+            f'required></label>{error}</form><div class="answer" role="status" aria-live="polite"></div>')
 
 
 def section(setup: Setup, prefix: str) -> str:
@@ -173,7 +179,7 @@ def section(setup: Setup, prefix: str) -> str:
     identity = f"{prefix}choice-data"
     most = made.threads[-1]
     sources = ["measured on this machine"]
-    if made.validated_to:
+    if any(p.certainty == kSimulated and p.threads == most for p in made.planes):
         sources.append(how_sure(kSimulated, made.validated_to))
     elif most > max((p.threads for p in made.planes if p.certainty == kMeasured), default=0):
         sources.append("extrapolated by scaling laws")
@@ -181,13 +187,14 @@ def section(setup: Setup, prefix: str) -> str:
         sources.append(f"nothing is known past {style.plural(most, 'core')}; icbench simulate tells more")
     notes = [*made.notes]
     if made.in_rays and math.isfinite(made.microseconds_a_ray[0]):
-        notes.append(f"a ray of a record costs {style.interval(*made.microseconds_a_ray)} µs here, with what belongs to "
-                     f"it ({made.scene}, {style.threads_text(min(p.threads for p in made.planes if p.rendered))})")
+        notes.append(f"a ray of a record costs {style.interval(*made.microseconds_a_ray)} µs here, with what belongs "
+                     f"to it ({made.scene}, {style.threads_text(min(p.threads for p in made.planes if p.rendered))})")
     coarse = f" At accuracy a = {made.accuracies[0]:g}." if made.accuracies else ""
     known = interactive.data(identity, collected(setup, made))
     return (f'<div class="choice" data-from="{identity}">{_form(setup, made)}</div>{known}'
             f'<details class="plain" open><summary>The answers for round numbers ({text("; ".join(sources))})</summary>'
             f'<p class="note">Bold: the access mechanism that took least time, by its fastest cache; ≈ what could not '
-            f"be told from it. × is time over that of the fastest, with its 95 % interval. Sharing loses what one thread "
-            f"alone would not have needed.{coarse}</p>{static_table(setup, made)}{error_table(made)}"
-            f'{"".join(map(note_line, notes))}</details>')
+            f"be told from it. × is time over that of the fastest, with its 95 % interval. Sharing loses what one "
+            f"thread alone would not have needed. A mechanism stands for its fastest cache, whatever its structure; what "
+            f"mechanisms cost on one and the same structure, the figures tell.{coarse}</p>"
+            f'{static_table(setup, made)}{error_table(made)}{"".join(map(note_line, notes))}</details>')

@@ -101,8 +101,8 @@ def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bo
     common = [key for key in before if key in after]
     if paired:
         keys = [*kCell, "repetition_index", "take"]
-        merged = second.drop_duplicates(keys)[[*keys, value]].merge(first.drop_duplicates(keys)[[*keys, value]], on=keys,
-                                                                    suffixes=("", "_before"))
+        old, new = (part.drop_duplicates(keys)[[*keys, value]] for part in (first, second))
+        merged = new.merge(old, on=keys, suffixes=("", "_before"))
         merged["log"] = np.log(merged[value] / merged[f"{value}_before"])
         logs = _groups(merged, "log")
         common = [key for key in common if key in logs]

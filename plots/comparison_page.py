@@ -37,8 +37,9 @@ def _sentence(cells: pd.DataFrame, value: str) -> str:
         return f"<p>{text(metric_words(value).capitalize())}: too few repetitions for any interval.</p>"
     better, worse = int(counts.get("better", 0)), int(counts.get("worse", 0))
     chance = (1 - kConfidence) * judged
-    return (f"<p><b>{text(metric_words(value).capitalize())}</b>: of {style.plural(judged, 'cell')}, {better} better and "
-            f"{worse} worse with the whole interval; chance alone would make about {style.number(chance, 2)}.</p>")
+    name = text(metric_words(value).capitalize())
+    return (f"<p><b>{name}</b>: of {style.plural(judged, 'cell')}, {better} better and {worse} worse with the whole "
+            f"interval; chance alone would make about {style.number(chance, 2)}.</p>")
 
 
 def _cells(one: Comparison, value: str) -> str:
@@ -74,6 +75,7 @@ def section(one: Comparison, figure: str) -> str:
     if one.first.complete is False or one.second.complete is False:
         made += '<div class="banner">One of the runs was cut short.</div>'
     if any(one.alone):
-        made += note_line(f"{one.alone[0]} cells were measured by the first run alone, {one.alone[1]} by the second alone")
+        made += note_line(f"{one.alone[0]} cells were measured by the first run alone, {one.alone[1]} by the second "
+                          "alone")
     made += figure + "".join(_cells(one, value) for value, _, _ in kMetrics if len(one.cells)) + _environment(one)
     return made

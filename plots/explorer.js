@@ -56,9 +56,9 @@
     const first = Math.floor(Math.log10(low)), last = Math.ceil(Math.log10(high));
     for (let stride = 1; ; stride += 1) {
       for (const steps of stride === 1 ? plans : [[1]]) {
-        const found = [];
-        for (let d = first; d <= last; ++d)
-          if (d % stride === 0) found.push(...steps.map((s) => Number(`${s}e${d}`)).filter((v) => v >= low && v <= high));
+        let found = [];
+        for (let d = first; d <= last; ++d) if (d % stride === 0) found.push(...steps.map((s) => Number(`${s}e${d}`)));
+        found = found.filter((v) => v >= low && v <= high);
         if (found.length <= most) return found.length ? found : [Math.sqrt(low * high)];
       }
     }
@@ -183,7 +183,8 @@
               type: log ? "logarithmic" : "linear", beginAtZero: !log, min: low, max: high,
               afterBuildTicks: (axis) => { if (low) axis.ticks = roundValues(low, high, 7).map((value) => ({value})); },
               title: {display: true, text: label},
-              ticks: {callback: (value) => value.toLocaleString("en-US", {maximumSignificantDigits: 3}), autoSkip: !log}, grid: {color: "#e6e6e6"},
+              ticks: {callback: (value) => value.toLocaleString("en-US", {maximumSignificantDigits: 3}), autoSkip: !log},
+              grid: {color: "#e6e6e6"},
             },
           },
           plugins: {
@@ -204,8 +205,8 @@
 
     dataset(look, points) {
       return {label: look.name, data: points, borderColor: look.colour, backgroundColor: look.colour,
-              borderDash: look.dash, borderWidth: 1.6, marker: new Path2D(look.path), hollow: look.hollow, pointRadius: 0,
-              pointHoverRadius: 8, pointHoverBackgroundColor: "transparent", pointHitRadius: 12};
+              borderDash: look.dash, borderWidth: 1.6, marker: new Path2D(look.path), hollow: look.hollow,
+              pointRadius: 0, pointHoverRadius: 8, pointHoverBackgroundColor: "transparent", pointHitRadius: 12};
     }
 
     at(x) {

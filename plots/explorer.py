@@ -58,10 +58,10 @@ def swatch(cache: str) -> str:
     """A cache's line and marker beside its name."""
     look = _look(cache)
     dash = f' stroke-dasharray="{" ".join(map(str, look["dash"]))}"' if look["dash"] else ""
+    fill = "#fff" if look["hollow"] else look["colour"]
     return (f'<svg class="swatch" width="30" height="14" viewBox="-15 -7 30 14" aria-hidden="true">'
             f'<path d="M-15 0H15" stroke="{look["colour"]}" stroke-width="1.6"{dash}/>'
-            f'<path d="{look["path"]}" stroke="{look["colour"]}" fill="{"#fff" if look["hollow"] else look["colour"]}"/>'
-            "</svg>")
+            f'<path d="{look["path"]}" stroke="{look["colour"]}" fill="{fill}"/></svg>')
 
 
 def _rows(setup: Setup) -> pd.DataFrame:

@@ -20,7 +20,7 @@ def library() -> Path | None:
 
 
 def data(identity: str, value) -> str:
-    """A value as JSON in the page; scripts find it by its id. Nothing in it can end the element or be taken for HTML."""
+    """A value as JSON in the page; scripts find it by its id. Nothing in it can end the element or pass for HTML."""
     made = json.dumps(value, separators=(",", ":"), allow_nan=False)
     for sign in "<>&":
         made = made.replace(sign, f"\\u{ord(sign):04x}")

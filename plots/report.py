@@ -30,7 +30,8 @@ import tables
 from cautions import cautions
 from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
-from figures import ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
+from figures import (ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES,
+                     REPEATABILITY_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -205,7 +206,8 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
     links += "".join(f'<a href="#{anchor}">{name}</a>' for anchor, name in further.items())
     page += f'<nav>{links}</nav><h2 class="flow first" id="{prefix}choice">{choice_page.kTitle}</h2>'
-    page += f'{choice_page.section(setup, prefix)}<h2 class="flow">What was measured, and what stands out</h2>{_summary(setup)}'
+    page += choice_page.section(setup, prefix)
+    page += f'<h2 class="flow">What was measured, and what stands out</h2>{_summary(setup)}'
     for anchor, heading, _, breaks, content in parts:
         kind = "screen" if anchor == "explore" else "" if breaks else "flow"
         page += f'<h2 class="{kind}" id="{prefix}{anchor}">{heading}</h2>{content}'

@@ -26,7 +26,9 @@ kLess = "fewer than six thread counts without oversubscription were measured"
 
 @dataclass
 class Law:
-    """gamma in operations per second; `refits` has a line of gamma, alpha, beta each, none without enough repetitions."""
+    """gamma in operations per second; `refits` has a line of gamma, alpha, beta each, none without enough
+    repetitions.
+    """
     gamma: float
     alpha: float
     beta: float

@@ -140,7 +140,8 @@ class Choice(InFolder):
     def test_outside_the_measured_costs_it_says_so(self):
         made, mechanisms, _ = self.chosen()
         found = choice.answer(made, mechanisms, 1000, 8, None)
-        self.assertEqual((found.certainty, found.how), ("extrapolated", "points that miss, 64 µs a record, the nearest"))
+        self.assertEqual((found.certainty, found.how), ("extrapolated",
+                                                        "points that miss, 64 µs a record, the nearest"))
 
     def test_nothing_is_made_up_for_other_cores(self):
         made, mechanisms, _ = self.chosen()
