@@ -139,7 +139,8 @@
     table(lines, rendered, n) {
       const {kinds, caches, structures} = this.data;
       const heads = ["access mechanism", "fastest cache", "structure", "time, × the fastest",
-        "cores' time lost to sharing", "records beyond one thread's", rendered ? "seconds of the picture's indirect light" : "queries answered, M/s"];
+        "cores' time lost to sharing", "records beyond one thread's",
+        rendered ? "seconds of the picture's indirect light" : "queries answered, M/s"];
       const head = make("tr", {}, ...heads.map((h, i) => make("th", {className: i > 2 ? "n" : ""}, h)));
       const body = lines.map((l) => make("tr", {}, make("td", {}, kinds[l[0]]), make("td", {}, caches[l[1]]),
         make("td", {}, structures[l[1]]), make("td", {className: "n"}, interval(l[2], l[3], l[4])),

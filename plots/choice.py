@@ -286,12 +286,14 @@ def _at(plane: Plane, x: float) -> tuple[pd.DataFrame, pd.Series, str, bool]:
 
 def _intervals(samples: np.ndarray, refits: bool) -> list[tuple[float, float, float]]:
     """(middle, low, high) of each row; NaN samples of a row do not count."""
+    if refits:
+        return [tuple(row) for row in np.nanpercentile(samples, [50, kTail, 100 - kTail], axis=1).T]
+    if np.isfinite(samples).all():
+        return [tuple(map(float, row)) for row in zip(*median_intervals(samples))]
     made = []
     for row in samples:
         clean = row[np.isfinite(row)]
-        if refits:
-            made.append(tuple(np.percentile(clean, [50, kTail, 100 - kTail])))
-        elif clean.size:
+        if clean.size:
             made.append(tuple(float(v[0]) for v in median_intervals(clean[None, :])))
         else:
             made.append((math.nan, math.nan, math.nan))
@@ -306,7 +308,7 @@ def _base(made: Choice, plane: Plane, x: float) -> pd.DataFrame | None:
                  and (p.accuracy == plane.accuracy or not plane.rendered)), None)
 
 
-def _plane(made: Choice, x: float, threads: int, accuracy: float | None) -> tuple[Plane, float] | None:
+def evidence(made: Choice, x: float, threads: int, accuracy: float | None) -> tuple[Plane, float] | None:
     """The best evidence, and where to look in it."""
     here = [p for p in made.planes if p.threads == threads and not (p.certainty == kSimulated and threads == 1)]
     for plane in here:
@@ -323,7 +325,7 @@ def _plane(made: Choice, x: float, threads: int, accuracy: float | None) -> tupl
 
 def answer(made: Choice, mechanisms: dict[str, str], x: float, threads: int, accuracy: float | None) -> Answer | None:
     """The best evidence's answer; None if there is none. `mechanisms`: of every cache."""
-    found = _plane(made, x, threads, accuracy)
+    found = evidence(made, x, threads, accuracy)
     if not found:
         return None
     plane, where = found

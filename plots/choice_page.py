@@ -5,7 +5,7 @@ import math
 
 import interactive
 import style
-from choice import (Answer, Choice, answer, choice, errors_at, kExtrapolated, kMeasured, kNegligible,
+from choice import (Answer, Choice, answer, choice, errors_at, evidence, kExtrapolated, kMeasured, kNegligible,
                     kSimulated)
 from figure import Omitted
 from over_threads import cache_rows
@@ -68,11 +68,10 @@ def collected(setup: Setup, made: Choice) -> dict:
     for i, x in enumerate(made.x):
         for threads in made.threads:
             for a in made.accuracies or [None]:
-                found = answer(made, mechanisms, x, threads, a)
+                plane = evidence(made, x, threads, a)
+                key = f"{i} {threads}" + (f" {a:g}" if plane and plane[0].rendered else "")
+                found = answer(made, mechanisms, x, threads, a) if plane and key not in answers else None
                 if not found:
-                    continue
-                key = f"{i} {threads}" + (f" {a:g}" if found.rendered else "")
-                if key in answers:
                     continue
                 lines = [[number(kinds, one.kind), number(caches, one.cache), *_three(one.ratio), *_three(one.loss),
                           interactive.short(one.redundant), interactive.short(one.time)] for one in found.lines]
@@ -195,6 +194,6 @@ def section(setup: Setup, prefix: str) -> str:
             f'<details class="plain" open><summary>The answers for round numbers ({text("; ".join(sources))})</summary>'
             f'<p class="note">Bold: the access mechanism that took least time, by its fastest cache; ≈ what could not '
             f"be told from it. × is time over that of the fastest, with its 95 % interval. Sharing loses what one "
-            f"thread alone would not have needed. A mechanism stands for its fastest cache, whatever its structure; what "
-            f"mechanisms cost on one and the same structure, the figures tell.{coarse}</p>"
+            f"thread alone would not have needed. A mechanism stands for its fastest cache, whatever its structure; "
+            f"what mechanisms cost on one and the same structure, the figures tell.{coarse}</p>"
             f'{static_table(setup, made)}{error_table(made)}{"".join(map(note_line, notes))}</details>')

@@ -183,7 +183,7 @@
               type: log ? "logarithmic" : "linear", beginAtZero: !log, min: low, max: high,
               afterBuildTicks: (axis) => { if (low) axis.ticks = roundValues(low, high, 7).map((value) => ({value})); },
               title: {display: true, text: label},
-              ticks: {callback: (value) => value.toLocaleString("en-US", {maximumSignificantDigits: 3}), autoSkip: !log},
+              ticks: {callback: (v) => v.toLocaleString("en-US", {maximumSignificantDigits: 3}), autoSkip: !log},
               grid: {color: "#e6e6e6"},
             },
           },

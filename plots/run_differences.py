@@ -49,8 +49,8 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, caches: list[str], val
 FIGURE = Figure(
     "run_differences", "What differs between the runs",
     "Each dot is a cache at one thread count: the throughput of the second run over that of the first, as the "
-    "geometric mean over all workloads that both measured. Right of the line the second run is faster. A filled dot is decided: "
-    "its whole 95 % interval lies on one side.",
+    "geometric mean over all workloads that both measured. Right of the line the second run is faster. A filled dot "
+    "is decided: its whole 95 % interval lies on one side.",
     build)
 
 
