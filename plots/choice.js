@@ -106,6 +106,7 @@
         const trifle = percent(this.data.negligible - 1, null);
         said.push(`Not shown to be more than ${trifle} slower: ${listed(tied.map((l) => kinds[l[0]]))}. `);
       }
+      said.push(...this.tieBreak(n, [best, ...tied]));
       if (behind.length) {
         const next = behind[0], last = behind.at(-1);
         said.push(`${capital(kinds[next[0]])} would take ${interval(next[2], next[3], next[4])} times as long`);
@@ -119,6 +120,18 @@
       if (rendered) made.push(...this.rival(n, error, best));
       made.push(this.table(lines, rendered, n));
       return made;
+    }
+
+    // Of mechanisms that cannot be told apart, the one whose queries are held up least by threads that were put to sleep.
+    tieBreak(n, equal) {
+      const {tails, tailThreads, kinds, cores: all} = this.data;
+      const known = equal.filter((l) => tails[l[1]] !== null);
+      if (n === 1 || known.length < 2 || known.length < equal.length) return [];
+      const calm = known.reduce((a, b) => tails[b[1]] < tails[a[1]] ? b : a);
+      const worst = known.reduce((a, b) => tails[b[1]] > tails[a[1]] ? b : a);
+      return [`Of these, ${kinds[calm[0]]} has the calmest queries when threads are put to sleep: with ${tailThreads} ` +
+        `threads on ${cores(all)}, one in a thousand takes ${number(tails[calm[1]] * 1e-3)} µs or more; with ` +
+        `${kinds[worst[0]]}, ${number(tails[worst[1]] * 1e-3)} µs. `];
     }
 
     // What path tracing needs for the tolerable error, between the numbers of samples measured.

@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from figure import Omitted
-from over_threads import cache_rows
+from over_threads import cache_rows, thread_marks
 from results import Setup, interval_of, is_lock, kPairKeys, median_intervals, summarise
 from scalability import kTail, laws
 
@@ -36,9 +36,9 @@ kNegligible = 1.02   # a mechanism whose interval begins no higher may as well b
 def kind_of(mechanism: str) -> str:
     """The access mechanism in a reader's words."""
     name = mechanism.replace("-", "_")
-    known = {"none": kAlone, "wait_free": "wait-free", "wait_free_snapshot": "wait-free, snapshot queries",
+    known = {"none": kAlone, "wait_free": "wait-free", "wait_free_snapshot": "wait-free with snapshot queries",
              "local_write": "local write", "thread_local": "thread-local", "node_lock": "a lock in every node",
-             "append_log": "frozen, with a log", "tbb": "concurrent containers",
+             "append_log": "frozen with a log", "tbb": "concurrent containers",
              "concurrent_container": "concurrent containers"}
     if name in known:
         return known[name]
@@ -113,6 +113,23 @@ class Choice:
     @property
     def accuracies(self) -> list[float]:
         return sorted({p.accuracy for p in self.planes if p.rendered}, reverse=True)
+
+
+def tails(setup: Setup) -> tuple[int, dict[str, float]]:
+    """The slowest query in a thousand, ns, with more threads than processing units: how many, and by cache the geometric
+    mean over the workloads that all caches ran. It tells what the caches do to threads that are put to sleep, in
+    which mechanisms of one speed differ.
+    """
+    rows = cache_rows(setup)
+    if "latency_query_p999_ns" not in rows:
+        return 0, {}
+    rows = rows[rows["oversubscribed"] & (rows["latency_query_p999_ns"] > 0) & (rows["cache"] != "null")]
+    if rows.empty:
+        return 0, {}
+    threads = thread_marks(setup, cache_rows(setup))[1] or int(rows["threads"].max())
+    rows = rows[rows["threads"] == threads]
+    table = rows.groupby(["panel", "cache"])["latency_query_p999_ns"].median().unstack("cache").dropna()
+    return int(threads), dict(np.exp(np.log(table).mean())) if len(table) else {}
 
 
 def _family(workload: str, *parameters: str) -> str:

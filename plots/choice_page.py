@@ -6,7 +6,7 @@ import math
 import interactive
 import style
 from choice import (Answer, Choice, answer, choice, errors_at, evidence, kExtrapolated, kMeasured, kNegligible,
-                    kSimulated)
+                    kSimulated, tails)
 from figure import Omitted
 from over_threads import cache_rows
 from results import Setup, summarise
@@ -79,13 +79,15 @@ def collected(setup: Setup, made: Choice) -> dict:
                                 int(found.rendered), lines]
     errors = [[[e.accuracy, *_three(e.relmse), int(e.measured)] for e in errors_at(made, x)] if made.in_rays else []
               for x in made.x]
+    threads, known = tails(setup)
     costs = [interactive.short(made.microseconds(x)) for x in made.x]
     return {"inRays": made.in_rays, "x": made.x, "microseconds": costs,
             "threads": made.threads, "accuracies": made.accuracies, "errors": errors, "answers": answers,
             "kinds": list(kinds), "caches": list(caches), "structures": [structures.get(c, "") for c in caches],
             "ways": list(ways), "scene": made.scene, "negligible": kNegligible,
             "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions,
-            "machine": setup.label, "cores": setup.cores, "path": _path(setup, made)}
+            "machine": setup.label, "cores": setup.cores, "path": _path(setup, made),
+            "tailThreads": threads, "tails": [interactive.short(known.get(c)) for c in caches]}
 
 
 def _share(value: tuple) -> str:

@@ -243,6 +243,19 @@ class Choice(InFolder):
         self.assertTrue(setup.simulated.empty)
         self.assertIn("simulated rows of t.json come from a machine or build of which nothing", setup.remarks[-1])
 
+    def test_tails_are_those_of_more_threads_than_processing_units(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 8, 32), errors=False)
+        for row in data["benchmarks"]:
+            slow = {"packed_global_mutex": 40, "packed_wait_free": 2}.get(row["cache"], 10)
+            row["latency_query_p999_ns"] = 1000 * slow if row["threads"] == 32 else 1
+        setup, = results.load([write_results(self.folder / "r.json", data)])
+        threads, known = choice.tails(setup)
+        self.assertEqual(threads, 32)
+        self.assertAlmostEqual(known["packed_global_mutex"], 40000)
+        self.assertAlmostEqual(known["packed_wait_free"], 2000)
+        setup, = results.load([self.results(threads=(1, 8))])
+        self.assertEqual(choice.tails(setup), (0, {}))
+
     def test_without_costs_there_is_no_answer_and_a_reason(self):
         setup = results.load([self.results(workloads=("read_only",))])[0]
         self.assertIn("cannot be said: neither a rendered scene", choice_page.section(setup, ""))
@@ -267,7 +280,7 @@ class Choice(InFolder):
         self.assertEqual(set(list(kinds.values())[:3]), {"one lock"})
         self.assertEqual(set(list(kinds.values())[3:6]), {"readers-writer lock"})
         self.assertEqual(list(kinds.values())[6:], ["a lock in every node", "local write", "wait-free",
-                                                    "wait-free, snapshot queries", "no synchronisation",
+                                                    "wait-free with snapshot queries", "no synchronisation",
                                                     "something new"])
 
 
