@@ -103,7 +103,7 @@ class Browser:
         """A new page that has loaded a file."""
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime", "Network", "Log"):
+        for domain in ("Page", "Runtime", "Network", "Log", "Performance"):
             self.ask(f"{domain}.enable", session)
         page = Page(self, session, target)
         page.resize(width, height)
@@ -132,6 +132,11 @@ class Page:
             about = got["exceptionDetails"]
             raise BrowserError(about.get("exception", {}).get("description") or about["text"])
         return got["result"].get("value")
+
+    def processor_time(self) -> float:
+        """Seconds of processor time of the page's process so far."""
+        found = self.ask("Performance.getMetrics")["metrics"]
+        return next(metric["value"] for metric in found if metric["name"] == "ProcessTime")
 
     def _place(self, selector: str) -> tuple[float, float]:
         """The middle of an element, scrolled into view."""
