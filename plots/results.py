@@ -173,6 +173,11 @@ def read_json(path: Path, made_by: str, expected: str):
         raise InputError(f"{path}: not JSON ({where}); {expected} is expected") from None
 
 
+def is_simulated(entry: dict) -> bool:
+    """Whether an entry comes from icbench simulate: no measurement, and never drawn as one."""
+    return bool(entry.get("simulated")) or str(entry.get("name", "")).startswith("simulate/")
+
+
 def _read(path: Path) -> tuple[dict, list]:
     data = read_json(path, "icbench sweep --out FILE", "a results file of icbench")
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
@@ -195,6 +200,10 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     rows = pd.DataFrame.from_records([e for e in entries if e.get("run_type", "iteration") == "iteration"])
     if rows.empty:
         return rows
+    rows["simulated"] = simulated = [is_simulated(e) for e in entries if e.get("run_type", "iteration") == "iteration"]
+    if any(simulated):
+        remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of the figures: they were not "
+                       "measured; plots/simulated.py draws them")
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
     if failed.any():
         remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")
@@ -235,8 +244,6 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         rows["oversubscribed"] = beyond
     counted = rows.groupby(["name", "cache", "workload", "threads", "placement"]).cumcount()
     rows["repetition_index"] = rows["repetition_index"].fillna(counted).astype(int)
-    stated = rows["simulated"] if "simulated" in rows else pd.Series(False, rows.index)
-    rows["simulated"] = stated.map(lambda said: said == said and _truth(said)).astype(bool)
     rows["run"] = run
     # One cell may be measured by two parts of a run (sweep and pareto); `take` tells their repetitions apart.
     rows["take"] = rows.groupby(["cache", "workload", "threads", "placement", "spp", "repetition_index"],
@@ -252,7 +259,7 @@ def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-").lower() or "setup"
 
 
-def _useful_rate(rows: pd.DataFrame) -> pd.Series:
+def useful_rate(rows: pd.DataFrame) -> pd.Series:
     """Operations per second that count as work done.
 
     Where inserts come from misses, a cache that makes threads compute the same record twice also makes them insert it
@@ -296,7 +303,7 @@ def load(paths) -> list[Setup]:
             rows = rows[~again].reset_index(drop=True)
         several = rows["placement"].nunique() > 1
         names = {w: workload_label(w) for w in rows["workload"].unique()}
-        rows["items_per_second"] = _useful_rate(rows)
+        rows["items_per_second"] = useful_rate(rows)
         rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
         setup.rows, setup.simulated = (part.reset_index(drop=True) for part in
                                        (rows[~rows["simulated"]], rows[rows["simulated"]]))
@@ -308,8 +315,10 @@ def load(paths) -> list[Setup]:
             setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
         setups.append(setup)
     if not setups:
-        raise InputError(f"{', '.join(str(p) for p in paths)}: no measured rows; run the sweep again, or without "
-                         "--dry-run")
+        names = ", ".join(str(p) for p in paths)
+        if any(len(setup.simulated) for setup in groups.values()):
+            raise InputError(f"{names}: simulated, not measured; plots/simulated.py draws it")
+        raise InputError(f"{names}: no rows; run the sweep again, or without --dry-run")
     for setup in groups.values():
         if setup.rows.empty and len(setup.simulated):
             setups[0].remarks.append(f"{len(setup.simulated)} simulated rows of "

@@ -236,7 +236,7 @@ class Choice(InFolder):
         self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
         found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
         self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
-        with self.assertRaisesRegex(results.InputError, "no measured rows"):
+        with self.assertRaisesRegex(results.InputError, "simulated, not measured; plots/simulated.py draws it"):
             results.load(paths[1:])
         simulated["context"]["commit"] = "other"
         setup, = results.load([paths[0], write_results(self.folder / "t.json", simulated)])
