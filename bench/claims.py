@@ -1,8 +1,8 @@
 """The claims of README.md: bench/artifact measures them again by this file, once everything is built.
 
-bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 % interval,
-a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included; or, where a
-claim holds or does not, a command that shows it. `seconds` is what it takes on the machine of `hardware`.
+bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 %
+interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
+or, where a claim holds or does not, a command that shows it. `seconds` is what it takes on the machine of `hardware`.
 tests/artifact_test.py holds README.md and ARTIFACT.md to it.
 """
 from __future__ import annotations
@@ -70,7 +70,7 @@ def command_of(claim: dict, out: str) -> str:
 
 
 def tables(rows: dict[str, tuple[str, str]]) -> str:
-    """ARTIFACT.md's tables."""
+    """ARTIFACT.md from its first table on."""
     lines = []
     for title, claims in load_claims()[1]:
         if "row" in claims[0]:
@@ -80,8 +80,8 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
                 target, what = rows[c["row"]]
                 claimed = c["claimed"] + (f"; another day {c['also']}" if "also" in c else "")
                 verdict = {"fail": "**miss**"}.get(c["verdict"], c["verdict"])
-                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {c['seconds'] or 'minutes'} "
-                             f"| {'yes' if c.get('quick') else ''} |")
+                seconds, quick = c["seconds"] or "minutes", "yes" if c.get("quick") else ""
+                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {seconds} | {quick} |")
         else:
             lines += [f"### {title}", ""]
             for c in claims:
@@ -181,7 +181,7 @@ def run(options: argparse.Namespace) -> int:
     if options.only:
         for name in options.only.split(","):
             if name not in known:
-                raise Refused(f"no claim '{name}'; bench/artifact --list names them all")
+                raise Refused(f"no claim '{name}'; ARTIFACT.md names them all")
         claims = [known[name] for name in options.only.split(",")]
     elif not options.full:
         claims = [c for c in claims if c.get("quick")]
@@ -206,8 +206,9 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name_of(c):<34} {rows[c['row']][0] if 'row' in c else '':<16} {c.get('claimed', 'holds'):<24} "
               f"{c.get('verdict', ''):<10} {figure(result) if 'row' in c else '':<24} {result['verdict']:<10} {said}",
               flush=True)
-    print(f"\n{len(claims)} claims in {seconds / 60:.1f} minutes: "
-          f"{', '.join(f'{n} {what}' for what, n in counts.items())}; contradicted: {', '.join(contradicted) or 'none'}")
+    told = ", ".join(f"{n} {what}" for what, n in counts.items())
+    print(f"\n{len(claims)} claims in {seconds / 60:.1f} minutes: {told}; "
+          f"contradicted: {', '.join(contradicted) or 'none'}")
     return 1 if contradicted else 0
 
 
@@ -216,15 +217,18 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--only", default="")
-    parser.add_argument("--list", action="store_true")
+    parser.add_argument("--write", action="store_true")
     parser.add_argument("--out", default=str(kRoot / "results/artifact"))
     parser.add_argument("--programs", default=str(kRoot / "build/release/bin"))
     try:
         options, rest = parser.parse_known_args()
         if rest:
             raise Refused(f"unknown option '{rest[0]}'; see --help")
-        if options.list:
-            print(tables(known_rows(Path(options.programs) / "targets")), end="")
+        if options.write:
+            page = kRoot / "ARTIFACT.md"
+            text = page.read_text(encoding="utf-8")
+            page.write_text(text[:text.index("\n### ") + 1] + tables(known_rows(Path(options.programs) / "targets")),
+                            encoding="utf-8")
             return 0
         return run(options)
     except Refused as error:

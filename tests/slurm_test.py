@@ -17,7 +17,7 @@ kRoot = Path(__file__).resolve().parent.parent
 kSweep = ["--workloads", ",".join(f"{workload}=50:scene=white_furnace"
                                   for workload in ("insert_only:records", "miss_driven:cost=0:operations")),
           "--threads", "1,2", "--caches", "sequential,wait_free", "--repetitions", "2"]
-# Of the array it runs what $TASKS names, all if that is not set. Options stand in the script, quoted as sbatch reads them.
+# Of the array it runs what $TASKS names, all if that is not set. It reads the options that stand in the script.
 kSbatch = r"""#!/bin/bash
 set -u
 [[ $1 == --parsable ]] || { echo "sbatch: error: not asked for the number alone" >&2; exit 1; }
