@@ -2,7 +2,8 @@
 
 bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 %
 interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
-or, where a claim holds or does not, a command that shows it. `seconds` is what it takes on the machine of `hardware`.
+or, where a claim holds or does not, a command that shows it. `seconds` is what it took on the machine of `hardware`,
+as processor time over threads.
 tests/artifact_test.py holds README.md and ARTIFACT.md to it.
 """
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import os
 import re
 import shlex
@@ -20,11 +22,16 @@ from pathlib import Path
 
 kRoot = Path(__file__).resolve().parent.parent
 kSecondsOfRow = 10  # given to a row that stays undecided
+kQuickMinutes = 30
 kNumber = r"-?\d+(?:\.\d+)?"
 
 
 class Refused(Exception):
     """One line for the user."""
+
+
+class TimeUp(Exception):
+    """The quick path's half hour is over."""
 
 
 def name_of(claim: dict) -> str:
@@ -69,23 +76,30 @@ def command_of(claim: dict, out: str) -> str:
     return claim["command"].replace("{out}", out)
 
 
+def time_of(claim: dict) -> str:
+    seconds = claim.get("seconds")
+    if seconds is None:
+        return "not timed"
+    return f"{seconds} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+
+
 def tables(rows: dict[str, tuple[str, str]]) -> str:
     """ARTIFACT.md from its first table on."""
     lines = []
     for title, claims in load_claims()[1]:
         if "row" in claims[0]:
-            lines += [f"### {title}", "", "| row | what | target | claimed | verdict | seconds | quick |",
+            lines += [f"### {title}", "", "| row | what | target | claimed | verdict | time | quick |",
                       "|---|---|---|---|---|---|---|"]
             for c in claims:
                 target, what = rows[c["row"]]
                 claimed = c["claimed"] + (f"; another day {c['also']}" if "also" in c else "")
                 verdict = {"fail": "**miss**"}.get(c["verdict"], c["verdict"])
-                seconds, quick = c["seconds"] or "minutes", "yes" if c.get("quick") else ""
-                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {seconds} | {quick} |")
+                quick = "yes" if c.get("quick") else ""
+                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {time_of(c)} | {quick} |")
         else:
             lines += [f"### {title}", ""]
             for c in claims:
-                lines += [f"- `{c['check']}`{', quick' if c.get('quick') else ''} ({c['seconds']} s): {c['claim']}", "",
+                lines += [f"- `{c['check']}`{', quick' if c.get('quick') else ''} ({time_of(c)}): {c['claim']}", "",
                           *(f"      {part}" for part in command_of(c, "results/artifact").split(" && ")), ""]
         lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -121,24 +135,33 @@ class Judge:
         partial.write_text(json.dumps(self.results, indent=1) + "\n", encoding="utf-8")
         os.replace(partial, self.kept_in)
 
-    def measured(self, claim: dict) -> dict:
-        """What the claim's command says, from an earlier run of the same programs and command if there was one."""
+    def measured(self, claim: dict, deadline: float = math.inf) -> dict:
+        """What the claim's command says, from an earlier run of the same programs and command if there was one.
+
+        Raises TimeUp at the deadline, in terms of time.monotonic().
+        """
         name, command = name_of(claim), command_of(claim, shlex.quote(str(self.out)))
         identity = hashlib.sha256(f"{self.built} {command}".encode()).hexdigest()
         if self.results.get(name, {}).get("identity") == identity:
             return self.results[name]
         start = time.monotonic()
-        result = self._row(claim) if "row" in claim else self._check(claim, command)
+        if start >= deadline:
+            raise TimeUp
+        result = self._row(claim, deadline - start) if "row" in claim else self._check(claim, command)
         result = {"identity": identity, "command": command, "seconds": round(time.monotonic() - start, 1), **result}
         self.results[name] = result
         self._keep()
         return result
 
-    def _row(self, claim: dict) -> dict:
+    def _row(self, claim: dict, seconds: float) -> dict:
         answer = self.out / "row.json"
         answer.unlink(missing_ok=True)
-        done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows", claim["row"],
-                               "--json", answer], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        try:
+            done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows", claim["row"],
+                                   "--json", answer], capture_output=True, text=True, stdin=subprocess.DEVNULL,
+                                  timeout=None if seconds == math.inf else seconds)
+        except subprocess.TimeoutExpired:
+            raise TimeUp from None
         if done.returncode not in (0, 1):
             raise Refused(f"{claim['row']}: {(done.stderr.strip().splitlines() or [f'status {done.returncode}'])[-1]}")
         row, = json.loads(answer.read_text(encoding="utf-8"))
@@ -195,8 +218,16 @@ def run(options: argparse.Namespace) -> int:
           "interval")
     rows = known_rows(Path(options.programs) / "targets")
     contradicted, seconds, counts = [], 0.0, {}
-    for c in claims:
-        result = judged.measured(c)
+    is_quick = not options.full and not options.only
+    deadline = time.monotonic() + 60 * kQuickMinutes if is_quick else math.inf
+    for number, c in enumerate(claims):
+        try:
+            result = judged.measured(c, deadline)
+        except TimeUp:
+            left = [name_of(c) for c in claims[number:]]
+            print(f"\n{kQuickMinutes} minutes are over; start again to go on with {', '.join(left)}")
+            claims = claims[:number]
+            break
         said, contradicts = judge(c, result)
         kind = re.split("[,:]", said)[0]
         counts[kind] = counts.get(kind, 0) + 1
