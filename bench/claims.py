@@ -101,7 +101,8 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
             for c in claims:
                 lines += [f"- `{c['check']}`{', quick' if c.get('quick') else ''} ({time_of(c)}): {c['claim']}", "",
                           *(f"      {part}" for part in command_of(c, "results/artifact").split(" && ")), ""]
-        lines.append("")
+        if lines[-1]:
+            lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
