@@ -2,8 +2,7 @@
 
 bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 %
 interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
-or, where a claim holds or does not, a command that shows it. `seconds` is what it took on the machine of `hardware`,
-as processor time over threads.
+or, where a claim holds or does not, a command that shows it. `seconds` is what it took on the machine of `hardware`.
 tests/artifact_test.py holds README.md and ARTIFACT.md to it.
 """
 from __future__ import annotations
@@ -21,6 +20,7 @@ import time
 from pathlib import Path
 
 kRoot = Path(__file__).resolve().parent.parent
+kClaims = kRoot / "bench/claims.json"
 kSecondsOfRow = 10  # given to a row that stays undecided
 kQuickMinutes = 30
 kNumber = r"-?\d+(?:\.\d+)?"
@@ -40,7 +40,7 @@ def name_of(claim: dict) -> str:
 
 def load_claims() -> tuple[str, list[tuple[str, list[dict]]]]:
     """The hardware that the claims were measured on, and the claims by section."""
-    data = json.loads((kRoot / "bench/claims.json").read_text(encoding="utf-8"))
+    data = json.loads(kClaims.read_text(encoding="utf-8"))
     return data["hardware"], [(section["title"], section["claims"]) for section in data["sections"]]
 
 
@@ -68,6 +68,17 @@ def known_rows(targets: Path) -> dict[str, tuple[str, str]]:
         name, at, bound, value, what = line.split(None, 4)
         rows[name] = (f"{at} {bound} {value}", what)
     return rows
+
+
+def kept_in(out: Path) -> dict:
+    """What was measured before, by name."""
+    kept = out / "artifact.json"
+    try:
+        return json.loads(kept.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise Refused(f"{kept} cannot be read ({error}); move it away") from None
 
 
 def command_of(claim: dict, out: str) -> str:
@@ -106,15 +117,32 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
+def write(out: Path, rows: dict[str, tuple[str, str]]) -> None:
+    """Brings ARTIFACT.md's tables up to date, and before that the times of what was measured in `out`."""
+    hardware, sections = load_claims()
+    measured = kept_in(out)
+    lines = ["{", f' "hardware": {json.dumps(hardware)},', ' "sections": [']
+    for title, claims in sections:
+        for c in claims:
+            if name_of(c) in measured:
+                c["seconds"] = max(1, round(measured[name_of(c)]["seconds"]))
+        one_a_line = ",\n".join(f"   {json.dumps(c, ensure_ascii=False)}" for c in claims)
+        lines.append(f'  {{"title": {json.dumps(title)}, "claims": [\n{one_a_line}\n  ]}},')
+    lines[-1] = lines[-1].rstrip(",")
+    kClaims.write_text("\n".join([*lines, " ]", "}"]) + "\n", encoding="utf-8")
+    page = kRoot / "ARTIFACT.md"
+    text = page.read_text(encoding="utf-8")
+    page.write_text(text[:text.index("\n### ") + 1] + tables(rows), encoding="utf-8")
+
+
 # --- Measuring --------------------------------------------------------------------------------------------------------
 
 class Judge:
     """Measures claims, keeps what was measured, and says how it compares."""
 
     def __init__(self, out: Path, programs: Path):
-        self.out, self.programs = out, programs
-        self.kept_in = out / "artifact.json"
-        self.results = self._kept()
+        self.out, self.programs = out, programs.resolve()
+        self.results = kept_in(out)
         built = hashlib.sha256()
         for name in ("targets", "icbench", "icstress"):
             try:
@@ -123,18 +151,10 @@ class Judge:
                 raise Refused(f"cannot read {programs / name}: {error.strerror}; build it: bench/artifact") from None
         self.built = built.hexdigest()
 
-    def _kept(self) -> dict:
-        try:
-            return json.loads(self.kept_in.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return {}
-        except (OSError, ValueError) as error:
-            raise Refused(f"{self.kept_in} cannot be read ({error}); move it away") from None
-
     def _keep(self) -> None:
-        partial = self.kept_in.with_suffix(".new")
+        partial = self.out / "artifact.new"
         partial.write_text(json.dumps(self.results, indent=1) + "\n", encoding="utf-8")
-        os.replace(partial, self.kept_in)
+        os.replace(partial, self.out / "artifact.json")
 
     def measured(self, claim: dict, deadline: float = math.inf) -> dict:
         """What the claim's command says, from an earlier run of the same programs and command if there was one.
@@ -172,6 +192,7 @@ class Judge:
     def _check(self, claim: dict, command: str) -> dict:
         log = self.out / f"{claim['check']}.log"
         with open(log, "w", encoding="utf-8") as said:
+            command = command.replace("build/release/bin", shlex.quote(str(self.programs)))
             status = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], cwd=kRoot, stdin=subprocess.DEVNULL,
                                     stdout=said, stderr=subprocess.STDOUT).returncode
         text = log.read_text(encoding="utf-8", errors="replace")
@@ -257,10 +278,7 @@ def main() -> int:
         if rest:
             raise Refused(f"unknown option '{rest[0]}'; see --help")
         if options.write:
-            page = kRoot / "ARTIFACT.md"
-            text = page.read_text(encoding="utf-8")
-            page.write_text(text[:text.index("\n### ") + 1] + tables(known_rows(Path(options.programs) / "targets")),
-                            encoding="utf-8")
+            write(Path(options.out), known_rows(Path(options.programs) / "targets"))
             return 0
         return run(options)
     except Refused as error:
