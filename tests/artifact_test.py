@@ -149,6 +149,15 @@ class Judging(unittest.TestCase):
         self.assertIn("2 claims", done.stdout)
         self.assertEqual(self.calls.read_text().split(), [one, two, two])
 
+    def test_what_the_machine_did_not_yield_is_measured_again(self):
+        row = "wait_free_read_only_scaling"
+        nothing = {"median": None, "low": None, "high": None, "verdict": "skipped", "why": "not idle"}
+        done = self.artifact("--only", row, **{row: nothing})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("skipped: not idle", done.stdout)
+        done = self.artifact("--only", row, **{row: {"median": 0.99, "low": 0.98, "high": 1.0, "verdict": "pass"}})
+        self.assertIn("1 in;", done.stdout)
+
     def test_checks_hold_or_do_not(self):
         # The stand-in fails whatever it is asked.
         claim = {"check": "c", "claim": "", "command": "printf '1 of 1\\n'", "says": "1 of 1"}
