@@ -5,7 +5,7 @@
   const make = icbench.element, {number, interval} = icbench;
   const percent = (middle, low, high) => {
     const round = (v) => (Math.abs(v) < 0.1 ? Number((v * 100).toFixed(1)) : Math.round(v * 100)) + 0;
-    return `${round(middle)} %` + (low === null ? "" : ` [${round(low)}, ${round(high)}]`);
+    return `${round(middle).toLocaleString("en-US")} %` + (low === null ? "" : ` [${round(low)}, ${round(high)}]`);
   };
   const listed = (words) => words.length < 2 ? words.join("") : `${words.slice(0, -1).join(", ")} and ${words.at(-1)}`;
   const capital = (words) => words[0].toUpperCase() + words.slice(1);
@@ -94,7 +94,9 @@
       if (!found) return [this.note(`Nothing was measured for ${this.amount(at)} on ${cores(n)}.`)];
       const [certainty, way, repetitions, rendered, lines] = found;
       const best = lines[0], rest = lines.slice(1);
-      const told = (line) => line[3] !== null && line[3] > this.data.negligible;
+      const trifle = this.data.negligible[certainty];
+      const least = (line) => certainty === this.data.simulated ? line[3] ?? line[2] : line[3];
+      const told = (line) => least(line) !== null && least(line) > trifle;
       const tied = rest.filter((l) => !told(l)), behind = rest.filter(told);
       const said = [`With ${this.amount(at)} on ${cores(n)}, use `, make("b", {}, kinds[best[0]]), " (",
         make("code", {}, caches[best[1]]), "). "];
@@ -103,8 +105,8 @@
           : `Sharing costs nothing that shows (${percent(best[5], best[6], best[7])} of the cores' time). `);
       }
       if (tied.length) {
-        const trifle = percent(this.data.negligible - 1, null);
-        said.push(`Not shown to be more than ${trifle} slower: ${listed(tied.map((l) => kinds[l[0]]))}. `);
+        const names = listed(tied.map((l) => kinds[l[0]]));
+        said.push(`Not shown to be more than ${percent(trifle - 1, null)} slower: ${names}. `);
       }
       said.push(...this.tieBreak(n, [best, ...tied]));
       if (behind.length) {
@@ -112,7 +114,7 @@
         said.push(`${capital(kinds[next[0]])} would take ${interval(next[2], next[3], next[4])} times as long`);
         said.push(last === next ? ". " : `, ${kinds[last[0]]} ${interval(last[2], last[3], last[4])} times. `);
       }
-      const sure = [make("b", {className: `sure sure-${certainty}`}, certainties[certainty]), ` ${ways[way]}`];
+      const sure = [make("b", {className: `sure sure-${certainty}`}, certainties[certainty]), `: ${ways[way]}`];
       if (repetitions) sure.push(`; ${repetitions} repetition${repetitions === 1 ? "" : "s"}`);
       if (repetitions && repetitions < 3) sure.push(", so no interval");
       else if (repetitions && repetitions < this.data.few) sure.push(", so few that intervals cover less than 95 %");

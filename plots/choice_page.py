@@ -84,7 +84,8 @@ def collected(setup: Setup, made: Choice) -> dict:
     return {"inRays": made.in_rays, "x": made.x, "microseconds": costs,
             "threads": made.threads, "accuracies": made.accuracies, "errors": errors, "answers": answers,
             "kinds": list(kinds), "caches": list(caches), "structures": [structures.get(c, "") for c in caches],
-            "ways": list(ways), "scene": made.scene, "negligible": kNegligible,
+            "ways": list(ways), "scene": made.scene, "negligible": [kNegligible[c] for c in kCertainties],
+            "simulated": kCertainties.index(kSimulated),
             "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions,
             "machine": setup.label, "cores": setup.cores, "path": _path(setup, made),
             "tailThreads": threads, "tails": [interactive.short(known.get(c)) for c in caches]}
@@ -169,6 +170,10 @@ def _form(setup: Setup, made: Choice) -> str:
             f'required></label>{error}</form><div class="answer" role="status" aria-live="polite"></div>')
 
 
+def _trifle(certainty: str) -> str:
+    return f"{(kNegligible[certainty] - 1) * 100:.0f}"
+
+
 def section(setup: Setup, prefix: str) -> str:
     """The first page of one setup."""
     if cache_rows(setup).empty:
@@ -195,7 +200,8 @@ def section(setup: Setup, prefix: str) -> str:
     return (f'<div class="choice" data-from="{identity}">{_form(setup, made)}</div>{known}'
             f'<details class="plain" open><summary>The answers for round numbers ({text("; ".join(sources))})</summary>'
             f'<p class="note">Bold: the access mechanism that took least time, by its fastest cache; ≈ what could not '
-            f"be told from it. × is time over that of the fastest, with its 95 % interval. Sharing loses what one "
-            f"thread alone would not have needed. A mechanism stands for its fastest cache, whatever its structure; "
-            f"what mechanisms cost on one and the same structure, the figures tell.{coarse}</p>"
+            f"be told from it by more than {_trifle(kMeasured)} % (where simulated, {_trifle(kSimulated)} %). × is time "
+            f"over that of the fastest, with its 95 % interval. Sharing loses what one thread alone "
+            f"would not have needed. A mechanism stands for its fastest cache, whatever its structure; what mechanisms "
+            f"cost on one and the same structure, the figures tell.{coarse}</p>"
             f'{static_table(setup, made)}{error_table(made)}{"".join(map(note_line, notes))}</details>')

@@ -236,6 +236,10 @@ class Choice(InFolder):
         self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
         found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
         self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
+        # It has no scatter, and so no interval: what it is held to stands for that.
+        self.assertTrue(math.isnan(found.lines[-1].ratio[1]))
+        self.assertEqual([line for line in found.lines[1:] if line.ratio[0] <= 1.1], found.tied)
+        self.assertGreater(found.lines[-1].ratio[0], 1.1)
         with self.assertRaisesRegex(results.InputError, "simulated, not measured; plots/simulated.py draws it"):
             results.load(paths[1:])
         simulated["context"]["commit"] = "other"
