@@ -7,6 +7,7 @@ import efficiency
 import latency
 import lock_wait
 import pareto
+import preemption
 import promises
 import redundant_records
 import repeatability
@@ -19,19 +20,25 @@ import thesis_frame_times
 import thesis_mechanisms
 import thesis_vpls
 import throughput
+import time_breakdown
+import timeline
 import utilisation
 import witness
 
 # Of what was measured.
 FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, structure_mechanism,
                                         speed_error, latency,
-                                        lock_wait, utilisation, redundant_records, cas_failures)]
+                                        time_breakdown, lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.
 PARETO_FIGURES = [pareto.FIGURE]
 # Of what icbench repeatability measured.
 REPEATABILITY_FIGURES = [repeatability.FIGURE]
 # Of what bench's anatomy measured.
 ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
+# Of what icbench preempt measured.
+PREEMPTION_FIGURES = [preemption.FIGURE]
+# Of one trial each.
+TIMELINE_FIGURES = [timeline.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.
