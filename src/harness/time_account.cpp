@@ -56,24 +56,56 @@ void SpanLog::make_room() noexcept {
 }
 
 void ThreadAccount::begin() noexcept {
-  perf_.start();
-  if (held_ != nullptr && is_victim_) held_->attach();
   after_miss_ = false;
-  cpu_ns_ = thread_cpu_ns();
   begin_ = last_ = read_at_ = ticks();
+  cpu_ns_ = thread_cpu_ns();
+  perf_.start();
+  if (is_victim_) held_->attach();
 }
 
 void ThreadAccount::end() noexcept {
-  const std::uint64_t now = ticks();
-  stretch(Doing::other, last_, now, 0);
-  last_ = now;
-  perf_.stop();
   if (held_ != nullptr) held_->ended();
+  perf_.stop();
+  settle();
 }
 
-std::uint64_t ThreadAccount::take_off(std::uint64_t length) noexcept {
+std::uint64_t ThreadAccount::enter(Doing operation, std::uint64_t waited_ns) noexcept {
+  const bool is_record = operation == Doing::insert && after_miss_;
+  if (stretch(is_record ? Doing::record : Doing::other, ticks(), 0)) settle();
+  waited_ns_ = waited_ns;
+  if (is_victim_) held_->mark(true);
+  return last_;
+}
+
+void ThreadAccount::leave(Doing operation, std::uint64_t now, std::uint64_t waited_ns, bool missed) noexcept {
+  if (is_victim_) held_->mark(false);
+  std::uint64_t waited = 0;
+  if (waited_ns != waited_ns_)
+    waited = static_cast<std::uint64_t>(static_cast<double>(waited_ns - waited_ns_) / ns_per_tick_);
+  // Looking at the processor clock is then part of what follows, and accounted for with it.
+  const bool was_long = stretch(operation, now, waited);
+  after_miss_ = missed;
+  if (was_long) settle();
+}
+
+bool ThreadAccount::stretch(Doing doing, std::uint64_t now, std::uint64_t waited) noexcept {
+  const std::uint64_t length = now - last_;
+  const bool is_long = length >= long_;
+  const std::uint64_t off = is_long ? take_off(now, length) : 0;
+  ticks_.add(doing, length, waited, off);
+  if (keeps_spans_) log_.add({last_, length, std::min(waited, length), off, doing});
+  last_ = now;
+  return is_long;
+}
+
+void ThreadAccount::settle() noexcept {
+  while (stretch(Doing::other, ticks(), 0)) {
+  }
+}
+
+// The stamp is older than the reading: being put off the processor as the system call returns is the next stretch's.
+std::uint64_t ThreadAccount::take_off(std::uint64_t now, std::uint64_t length) noexcept {
   const std::int64_t cpu = thread_cpu_ns();
-  const std::uint64_t now = ticks();
   const double off_ns =
       static_cast<double>(now - read_at_) * ns_per_tick_ - static_cast<double>(cpu - cpu_ns_);
   read_at_ = now;
@@ -84,7 +116,5 @@ std::uint64_t ThreadAccount::take_off(std::uint64_t length) noexcept {
   pending_ -= static_cast<std::int64_t>(off);
   return off;
 }
-
-void ThreadAccount::mark(bool in_operation) noexcept { held_->mark(in_operation); }
 
 }  // namespace icbench

@@ -168,29 +168,9 @@ class alignas(128) ThreadAccount {
   void end() noexcept;
 
   /// An operation begins; returns the stamp. `waited_ns`: what its session has counted before locks so far.
-  std::uint64_t enter(Doing operation, std::uint64_t waited_ns) noexcept {
-    const std::uint64_t now = ticks();
-    const bool is_record = operation == Doing::insert && after_miss_;
-    const bool was_long = stretch(is_record ? Doing::record : Doing::other, last_, now, 0);
-    waited_ns_ = waited_ns;
-    if (is_victim_) mark(true);
-    if (!was_long && !is_victim_) return last_ = now;
-    last_ = ticks();  // what looking at the clock took is between operations
-    ticks_.other += last_ - now;
-    return last_;
-  }
-
+  std::uint64_t enter(Doing operation, std::uint64_t waited_ns) noexcept;
   /// It ended at stamp `now`, and waited as its session says now.
-  void leave(Doing operation, std::uint64_t now, std::uint64_t waited_ns, bool missed) noexcept {
-    if (is_victim_) mark(false);
-    const auto waited =
-        waited_ns == waited_ns_
-            ? 0
-            : static_cast<std::uint64_t>(static_cast<double>(waited_ns - waited_ns_) / ns_per_tick_);
-    stretch(operation, last_, now, waited);
-    last_ = now;
-    after_miss_ = missed;
-  }
+  void leave(Doing operation, std::uint64_t now, std::uint64_t waited_ns, bool missed) noexcept;
 
   const ThreadTicks& thread_ticks() const noexcept { return ticks_; }
   const PerfGroup& perf() const noexcept { return perf_; }
@@ -198,20 +178,13 @@ class alignas(128) ThreadAccount {
   std::uint64_t begin_ticks() const noexcept { return begin_; }  ///< of the last region
 
  private:
-  /// Accounts for a stretch; returns whether it was long.
-  bool stretch(Doing doing, std::uint64_t begin, std::uint64_t end, std::uint64_t waited) noexcept {
-    const std::uint64_t length = end - begin;
-    std::uint64_t off = 0;
-    const bool is_long = length >= long_;
-    if (is_long) off = take_off(length);
-    ticks_.add(doing, length, waited, off);
-    if (keeps_spans_) log_.add({begin, length, std::min(waited, length), off, doing});
-    return is_long;
-  }
-
-  /// Looks at the processor clock: ticks of the stretch that just ended which the thread was off.
-  std::uint64_t take_off(std::uint64_t length) noexcept;
-  void mark(bool in_operation) noexcept;
+  /// Accounts for what lies between the last stamp and `now`, which becomes the last; returns whether it was long.
+  bool stretch(Doing doing, std::uint64_t now, std::uint64_t waited) noexcept;
+  /// Accounts for looking at the processor clock, again and again if that took long: a system call is where a thread is
+  /// most often put off its processor.
+  void settle() noexcept;
+  /// Looks at the processor clock at stamp `now`: ticks of the stretch of `length` before it which the thread was off.
+  std::uint64_t take_off(std::uint64_t now, std::uint64_t length) noexcept;
 
   double ns_per_tick_;
   std::uint64_t long_;
