@@ -13,7 +13,7 @@ from matplotlib import ticker
 from results import summarise
 
 kField = r"latency_(query|insert)_(p\d+|max)_ns"
-kTicks = {0.1: "10", 0.5: "50", 0.9: "90", 0.99: "99", 0.999: "99.9", 0.9999: "99.99", 0.99999: "99.999"}
+kTicks = {0.5: "50", 0.9: "90", 0.99: "99", 0.999: "99.9", 0.9999: "99.99", 0.99999: "99.999"}
 
 
 def share_of(percentile: str) -> float:
@@ -70,11 +70,17 @@ def draw(axes, layout: style.Layout, part: pd.DataFrame, neighbours: pd.DataFram
         known = line[line["low"].notna()]
         axes.vlines(known["x"], known["low"], known["high"], color=options["color"], linewidth=layout.line * 0.6,
                     zorder=2.5)
-    right = neighbours["x"].max()
-    axes.set_xlim(0, right * 1.04)
-    shown = {place(share).item(): label for share, label in kTicks.items() if place(share) <= right + 1e-9}
-    if layout.small:  # fewer have room
-        shown = dict(list(shown.items())[1::2]) or shown
+    right = neighbours["x"].max() * 1.04
+    axes.set_xlim(0, right)
+    inches = axes.get_position().width * axes.figure.get_figwidth()
+    shown: dict[float, str] = {}
+    end = -1.0
+    for share, label in kTicks.items():  # those that have room
+        x = place(share).item()
+        half = (len(label) + 1.5) * 0.25 * layout.font / 72 / inches * right
+        if x <= right and x - half >= end:
+            shown[x] = label
+            end = x + half
     axes.xaxis.set_major_locator(ticker.FixedLocator(list(shown)))
     axes.xaxis.set_minor_locator(ticker.NullLocator())
     axes.xaxis.set_major_formatter(ticker.FixedFormatter(list(shown.values())))

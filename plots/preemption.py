@@ -18,8 +18,8 @@ def _stalled(measured: Measured, caches: list[str], keys: dict) -> str:
     for name, value in keys.items():
         rows = rows[rows[name] == value]
     shares = rows[rows["held"]].groupby("cache")["stalled_share"].median()
-    said = [f"{cache} {style.number(100 * shares[cache], 2)} %" for cache in caches if cache in shares]
-    return "Of the others' time, spent in operations that took over half a hold: " + ", ".join(said) + "."
+    said = [f"{style.short_name(cache)} {style.number(100 * shares[cache], 2)} %" for cache in caches if cache in shares]
+    return "Of the others' time with a thread held, in operations that took over half a hold: " + ", ".join(said) + "."
 
 
 def build(measured: Measured) -> Built:
@@ -31,7 +31,7 @@ def build(measured: Measured) -> Built:
         panels = []
         for operation in ("query", "insert"):
             mine = part[part["operation"] == operation]
-            for held, name in ((False, "no thread held"), (True, "a thread held again and again")):
+            for held, name in ((False, "no thread held"), (True, "a thread held")):
                 one = mine[mine["held"] == held]
                 if not one.empty:
                     panels.append(Panel(f"{operation}: {name}", partial(percentiles.draw, part=one, neighbours=mine)))

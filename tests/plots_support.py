@@ -215,6 +215,51 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
     return {"context": kContext | context, "benchmarks": rows}
 
 
+kTimeParts = ("work", "redundant", "query", "insert", "merge", "lock_wait", "descheduled_wanting",
+              "descheduled_holding", "descheduled_between", "barrier", "other")
+
+
+def with_breakdown(data: dict) -> dict:
+    """The same rows, each with a share for every part of its time and 1 % that is not explained."""
+    random = np.random.default_rng(3)
+    for row in data["benchmarks"]:
+        shares = random.dirichlet(np.ones(len(kTimeParts))) * 0.99
+        row |= {f"time_{part}_share": share for part, share in zip(kTimeParts, shares)} | {"time_unexplained": 0.01}
+    return data
+
+
+def model_preempt(stalled=None, repetitions=3, **context) -> dict:
+    """A file of icbench preempt: `stalled` tells for each cache what the others lose while a thread is held."""
+    stalled = stalled or {"packed_global_mutex": 0.5, "packed_wait_free": 0.0}
+    rows = []
+    for repetition in range(repetitions):
+        for cache, share in stalled.items():
+            for held in (False, True):
+                row = {"name": f"preempt/mix_90_10/{cache}/threads:4/{'held' if held else 'free'}",
+                       "repetition_index": repetition, "threads": 4, "real_time": 5.0 + repetition, "time_unit": "ms",
+                       "cache": cache, "workload": "mix_90_10", "hold_ms": 10, "held": held, "holds": 20 * held,
+                       "stalled_share": share if held else 0.0, "others_operations_per_second": 1e6}
+                longest = 1e7 if held and share else 2e4
+                for operation in ("query", "insert"):
+                    row |= {f"latency_{operation}_{p}_ns": ns * (1 + 0.1 * repetition)
+                            for p, ns in (("p10", 100), ("p50", 200), ("p90", 300), ("p999", 5000), ("max", longest))}
+                    row[f"latency_{operation}_samples"] = 100_000
+                rows.append(row)
+    return {"context": kContext | context, "benchmarks": rows}
+
+
+def model_timeline(threads=2) -> dict:
+    """A file of icbench sweep --timeline: 1 ms, in which every thread computes, then waits in a query, then is idle."""
+    events = [{"name": "process_name", "ph": "M", "pid": 1, "tid": 0, "args": {"name": "sweep/a/b/threads:2"}}]
+    for t in range(threads):
+        events.append({"name": "thread_name", "ph": "M", "pid": 1, "tid": t, "args": {"name": f"thread {t}"}})
+        for name, ts, dur, extra in (("compute a record", 0, 500, {"args": {"off_processor_us": 100}}),
+                                     ("query", 500, 250, {}), ("wait for a lock", 500, 150, {}),
+                                     ("idle at a barrier", 750, 250, {})):
+            events.append({"name": name, "cat": "x", "ph": "X", "pid": 1, "tid": t, "ts": ts, "dur": dur} | extra)
+    return {"traceEvents": events, "displayTimeUnit": "ns", "otherData": {"spans_left_out": 0}}
+
+
 def model_repeatability(scene="cornell_box", differences=None, repetitions=3, **context) -> dict:
     """A file of icbench repeatability: `differences` tells for each cache how far threads move a picture of mean 0.5
     and error 0.02, None for a cache that serves one thread.
