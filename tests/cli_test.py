@@ -341,7 +341,7 @@ class Compare(Case):
 
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "animate", "compare", "trace"]
+    COMMANDS = ["list", "sweep", "render", "animate", "compare", "preempt", "trace"]
     TRACE_COMMANDS = ["capture", "info", "replay"]
 
     def test_without_arguments_help_goes_to_standard_error(self):

@@ -118,6 +118,11 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     if free and inserts:
         row |= {"cas_attempts": inserts * 2, "nodes_discarded": 0,
                 "cas_failures": int(inserts * 0.002 * (threads - 1) * hot)}
+    going = dict(work=0.4, redundant=0.02, query=0.3, insert=0.1, merge=0.01, descheduled_holding=0.03,
+                 descheduled_between=0.03, barrier=0.06, other=0.05)
+    shares = ({part: 0.99 * share * (1 - waiting) for part, share in going.items()}
+              | {"lock_wait": 0.3 * 0.99 * waiting, "descheduled_wanting": 0.7 * 0.99 * waiting})
+    row |= {f"time_{part}_share": share for part, share in shares.items()} | {"time_unexplained": 0.01}
     tail = 1.05 if free else 2.0 ** max(0.0, math.log2(threads))
     for operation, factor in (("query", 1.0), ("insert", 6.0)):
         if operation == "insert" and not inserts or operation == "query" and inserts == operations:
@@ -213,19 +218,6 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
                         "below_reference": error < 0.006}
                         | ({"bias": 0.01, "deviation": 0.02, "bias_runs": repetition + 1} if repetition else {}))
     return {"context": kContext | context, "benchmarks": rows}
-
-
-kTimeParts = ("work", "redundant", "query", "insert", "merge", "lock_wait", "descheduled_wanting",
-              "descheduled_holding", "descheduled_between", "barrier", "other")
-
-
-def with_breakdown(data: dict) -> dict:
-    """The same rows, each with a share for every part of its time and 1 % that is not explained."""
-    random = np.random.default_rng(3)
-    for row in data["benchmarks"]:
-        shares = random.dirichlet(np.ones(len(kTimeParts))) * 0.99
-        row |= {f"time_{part}_share": share for part, share in zip(kTimeParts, shares)} | {"time_unexplained": 0.01}
-    return data
 
 
 def model_preempt(stalled=None, repetitions=3, **context) -> dict:
