@@ -124,8 +124,8 @@ void preempt_command(const PreemptOptions& o) {
 
 void add_preempt(CLI::App& app) {
   const auto o = std::make_shared<PreemptOptions>();
-  CLI::App* command = app.add_subcommand(
-      "preempt", "Hold a thread in the middle of operations; measure the others' latencies");
+  CLI::App* command =
+      app.add_subcommand("preempt", "Hold a thread in mid-operation; measure the others' latencies");
   command->add_option("--caches", o->caches, "Shared caches, separated by commas; see icbench list caches")
       ->type_name("LIST")
       ->capture_default_str();

@@ -164,7 +164,11 @@ void sweep_command(const SweepOptions& o) {
   nlohmann::ordered_json context = environment(topology, info);
   const nlohmann::ordered_json configuration = configuration_of(request, context);
 
-  if (!o.timeline.empty()) require_writable("--timeline", o.timeline);
+  if (!o.timeline.empty()) {
+    if (o.resume)
+      throw std::runtime_error("--timeline draws the first repetition, so it must be run; drop --resume");
+    require_writable("--timeline", o.timeline);
+  }
   Sweep sweep(request, topology);
   if (!o.timeline.empty() && (request.workloads.size() != 1 || sweep.points(0, 0).size() != 1)) {
     throw std::runtime_error(
@@ -186,12 +190,7 @@ void sweep_command(const SweepOptions& o) {
   Progress progress("sweep", static_cast<double>(trials));
   std::vector<std::string> invalid;
   std::optional<Timeline> timeline;
-  if (!o.timeline.empty()) {
-    if (results.is_completed(sweep.name_of(sweep.points(0, 0).front()), 0))
-      throw std::runtime_error(
-          fmt::format("--timeline draws the first repetition, which '{}' has already; drop --resume", o.out));
-    timeline.emplace(o.timeline_events, sweep.tick_rate());
-  }
+  if (!o.timeline.empty()) timeline.emplace(o.timeline_events, sweep.tick_rate());
   for (std::size_t w = 0; w < request.workloads.size(); ++w) {
     bool warm = false;
     for (unsigned repetition = 0; repetition < request.repetitions; ++repetition) {
