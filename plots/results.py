@@ -32,7 +32,7 @@ kIdentityKeys = (
     "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
 # Differences in these need no remark when files are pooled.
 kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
-             "configuration", "configuration_hash", "resumed"}
+             "configuration", "configuration_hash", "resumed", "merged"}
 
 kSecondsPerUnit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
 kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency",

@@ -468,6 +468,13 @@ class Anatomy(InFolder):
                       "vectors 1.75 times.", page)
         self.assertIn("is another 5.00 times as fast", page)
 
+    def test_the_page_says_how_long_memory_takes_where_that_was_measured(self):
+        self.assertRegex(self.page(model_anatomy()), r"takes 10\.0 .*ns on this machine from a block of 1\.00 MiB and "
+                                                     r"160 .*ns from one of 64\.0 MiB")
+        without = model_anatomy()
+        without["benchmarks"] = [row for row in without["benchmarks"] if "block_bytes" not in row]
+        self.assertNotIn("from a block of", self.page(without))
+
     def test_the_map_leaves_nothing_out_of_its_table(self):
         path = write_results(self.folder / "anatomy.json", model_anatomy())
         self.good("anatomy_map.py", path, "--out", self.folder)
@@ -479,7 +486,7 @@ class Anatomy(InFolder):
     def test_wrong_files_are_refused(self):
         data = model_anatomy()
         for row in data["benchmarks"]:
-            del row["ns_per_query"]
+            row.pop("ns_per_query", None)
         path = write_results(self.folder / "wrong.json", data)
         with self.assertRaisesRegex(results.InputError, 'no "ns_per_query"'):
             anatomy_results.load([path])

@@ -30,7 +30,7 @@ struct SweepOptions {
   std::uint32_t reference_spp = 1024;
   std::string timeline;  // no file: none
   std::uint32_t timeline_events = 100'000;
-  bool breakdown = false, resume = false, dry_run = false;
+  bool breakdown = false, resume = false, dry_run = false, list = false;
 };
 
 /// Powers of two up to the processing units, these, and four times as many.
@@ -153,6 +153,11 @@ void estimate(Sweep& sweep, const Topology& topology) {
              "in all", trials, format_duration(total));
 }
 
+void print_names(const Sweep& sweep) {
+  for (std::size_t w = 0; w < sweep.request().workloads.size(); ++w)
+    for (const SweepPoint& point : sweep.points(w, 0)) fmt::print("{}\n", sweep.name_of(point));
+}
+
 void sweep_command(const SweepOptions& o) {
   const Topology topology = Topology::of_this_process();
   const SweepRequest request = request_of(o, topology);
@@ -174,6 +179,7 @@ void sweep_command(const SweepOptions& o) {
     throw std::runtime_error(
         "--timeline draws one workload with one cache on one number of threads; name one of each");
   }
+  if (o.list) return print_names(sweep);
   if (o.dry_run) return estimate(sweep, topology);
   context["work_calibration"] = sweep.work().calibration().to_json();
   context["tick_rate"] = sweep.tick_rate().to_json();
@@ -272,6 +278,7 @@ void add_sweep(CLI::App& app) {
       ->capture_default_str();
   sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
   sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
+  sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing");
   sweep->callback([o] { sweep_command(*o); });
 }
 
