@@ -7,6 +7,7 @@ import efficiency
 import latency
 import lock_wait
 import pareto
+import preemption
 import promises
 import redundant_records
 import repeatability
@@ -21,12 +22,14 @@ import thesis_frame_times
 import thesis_mechanisms
 import thesis_vpls
 import throughput
+import time_breakdown
+import timeline
 import utilisation
 import witness
 
 # Of what was measured.
 FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, scaling_law, contention_map,
-                                        structure_mechanism, speed_error, latency,
+                                        structure_mechanism, speed_error, latency, time_breakdown,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.
 PARETO_FIGURES = [pareto.FIGURE]
@@ -36,6 +39,10 @@ REPEATABILITY_FIGURES = [repeatability.FIGURE]
 ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
 # Of two runs.
 COMPARISON_FIGURES = [run_differences.FIGURE]
+# Of what icbench preempt measured.
+PREEMPTION_FIGURES = [preemption.FIGURE]
+# Of one trial each.
+TIMELINE_FIGURES = [timeline.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.

@@ -24,14 +24,18 @@ import explorer
 import interactive
 import pareto_page
 import pareto_results
+import preemption_page
+import preemption_results
 import repeatability_page
 import repeatability_results
 import tables
+import timeline_page
+import timeline_results
 from cautions import cautions
 from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
 from figures import (ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES,
-                     REPEATABILITY_FIGURES)
+                     PREEMPTION_FIGURES, REPEATABILITY_FIGURES, TIMELINE_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -43,6 +47,8 @@ kVerdicts = "correctness.json"
 kPareto = "pareto*.json"
 kRepeatability = "repeatability*.json"
 kAnatomy = "anatomy*.json"
+kPreemption = "preempt*.json"
+kTimelines = "timeline*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -258,17 +264,20 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
 
 
 def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path],
-          anatomy: list[Path], out: Path, command: str) -> Path:
+          anatomy: list[Path], out: Path, command: str, preemption: list[Path] = (),
+          timelines: list[Path] = ()) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
     `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names, `anatomy`
-    of the program of that name.
+    of the program of that name, `preemption` of icbench preempt, `timelines` of icbench sweep --timeline.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
     compared = pareto_results.load(pareto)
     repeated = repeatability_results.load(repeatability)
     apart = anatomy_results.load(anatomy)
+    stopped = preemption_results.load(preemption)
+    drawn = timeline_results.load(timelines)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -291,10 +300,14 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         further = {"differences": comparison_page.kTitle} if several else {}
         further |= {one.slug: "All methods" for one in compared[:1]}
         further |= {one.slug: "What threads add" for one in repeated[:1]}
+        further |= {one.slug: preemption_page.kTitle for one in stopped[:1]}
+        further |= {one.slug: timeline_page.kTitle for one in drawn[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
     body += _measured(compared, PARETO_FIGURES, pareto_page, out)
     body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
+    body += _measured(stopped, PREEMPTION_FIGURES, preemption_page, out)
+    body += _measured(drawn, TIMELINE_FIGURES, timeline_page, out)
     body += _measured(apart, ANATOMY_FIGURES, anatomy_page, out)
     body += _correctness(checked, out)
     page = out / "report.html"
@@ -314,14 +327,21 @@ def main() -> int:
                          help=f"results of icbench repeatability (default: {kRepeatability} beside RESULTS)")
     options.add_argument("--anatomy", action="append", metavar="FILE", type=Path,
                          help=f"results of anatomy (default: {kAnatomy} beside RESULTS)")
+    options.add_argument("--preemption", action="append", metavar="FILE", type=Path,
+                         help=f"results of icbench preempt (default: {kPreemption} beside RESULTS)")
+    options.add_argument("--timelines", action="append", metavar="FILE", type=Path,
+                         help=f"timelines of icbench sweep (default: {kTimelines} beside RESULTS)")
     arguments = options.parse_args()
     verdicts = arguments.correctness or _verdicts_beside(arguments.results)
     pareto = arguments.pareto or _beside(arguments.results, kPareto)
     repeatability = arguments.repeatability or _beside(arguments.results, kRepeatability)
     anatomy = arguments.anatomy or _beside(arguments.results, kAnatomy)
+    preemption = arguments.preemption or _beside(arguments.results, kPreemption)
+    timelines = arguments.timelines or _beside(arguments.results, kTimelines)
     out = arguments.out or arguments.results[0].parent
     try:
-        print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv)))
+        print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
+                    timelines))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

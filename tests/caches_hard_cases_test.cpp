@@ -1,12 +1,20 @@
 // Every cache with what a renderer should never send, but does: values at and past the edge of what is allowed, bounds
 // of every size, and thousands of records at one point.
 #include <pthread.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
+#include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <limits>
 #include <string>
 
 #include "cache_contract.h"
+#include "caches/registry.h"
 #include "core/octree.h"
 #include "trap_invalid.h"
 
@@ -308,6 +316,61 @@ TEST_P(HardCases, AHundredThousandCoincidentRecordsOrMoreOnASmallStack) {
     run_on_stack(kStackBytes, look);
     EXPECT_EQ(visits, 0u) << "radius " << R;
   }
+}
+
+/// Queries by a process to which all memory but its stack is read-only, and what became of it: the status of waitpid.
+///
+/// Everything that the queries call is called before, so that no symbol is left to be bound, which writes.
+template <class Cache>
+int queries_in_read_only_memory() {
+  Cache cache(CacheConfig{.bounds = {{0, 0, 0}, {1, 1, 1}}, .capacity = 5000});
+  auto session = cache.open_session(0);
+  for (const Record& r : random_records(3000, 1)) session.insert(r);
+  cache.end_frame();
+  Pcg32 random(2);
+  std::vector<SurfacePoint> points;
+  for (int i = 0; i < 500; ++i) points.push_back(random_surface_point(random));
+  const auto hits = [&] {
+    int n = 0;
+    for (const SurfacePoint& x : points) n += session.query(x).has_value();
+    return n;
+  };
+  const int expected = hits();
+  struct Range {
+    std::uintptr_t begin, end;
+  };
+  std::vector<Range> writable;
+  writable.reserve(10'000);
+  std::ifstream maps("/proc/self/maps");
+  for (std::string line; std::getline(maps, line);) {
+    Range r{};
+    char mode[5] = {};
+    if (std::sscanf(line.c_str(), "%zx-%zx %4s", &r.begin, &r.end, mode) == 3 && mode[1] == 'w' &&
+        line.find("[stack]") == line.npos)
+      writable.push_back(r);
+  }
+  const auto protect = [](const Range& r, int how) {
+    return ::syscall(SYS_mprotect, r.begin, r.end - r.begin, how);
+  };
+  protect(writable.front(), PROT_READ | PROT_WRITE);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    for (const Range& r : writable) protect(r, PROT_READ);
+    ::syscall(SYS_exit_group, hits() == expected ? 0 : 1);
+  }
+  int status = -1;
+  ::waitpid(child, &status, 0);
+  return status;
+}
+
+TEST(QueriesWithoutCounters, WriteNothingButTheirStack) {
+  if (kSanitized) GTEST_SKIP() << "sanitizers keep books of their own";
+  EXPECT_EQ(queries_in_read_only_memory<WaitFree<>>(), 0);
+  EXPECT_EQ(queries_in_read_only_memory<PackedWaitFree<>>(), 0);
+  EXPECT_EQ(queries_in_read_only_memory<PackedLocalWrite<>>(), 0);
+  const int counting = queries_in_read_only_memory<PackedWaitFree<WithCounters>>();
+  EXPECT_TRUE(WIFSIGNALED(counting) && WTERMSIG(counting) == SIGSEGV)
+      << "the test would not notice a counter";
 }
 
 }  // namespace

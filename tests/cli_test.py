@@ -11,7 +11,7 @@ import unittest
 from pathlib import Path
 
 from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_capture, small_pareto, small_render,
-                         small_repeatability, write_white_png)
+                         small_repeatability, small_sweep, write_white_png)
 
 
 class Sweep(Case):
@@ -24,7 +24,7 @@ class Sweep(Case):
     RAY_TRACED = "cornell_box:rays=4:size=32x32"
     PATH = "cornell_box:integrator=path:spp=1:size=32x32"
     REPETITIONS = 2
-    PERCENTILES = ["p50", "p90", "p99", "p999", "max"]
+    PERCENTILES = ["p10", "p25", "p50", "p75", "p90", "p95", "p99", "p999", "max"]
 
     @classmethod
     def setUpClass(cls):
@@ -341,7 +341,7 @@ class Compare(Case):
 
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "animate", "compare", "trace"]
+    COMMANDS = ["list", "sweep", "render", "animate", "compare", "preempt", "trace"]
     TRACE_COMMANDS = ["capture", "info", "replay"]
 
     def test_without_arguments_help_goes_to_standard_error(self):
@@ -444,6 +444,115 @@ class Trace(Case):
         self.succeed(*small_render(size="48x32", threads=1, json="b.json", out="b.exr"))
         for key in "queries", "hits", "records", "rays":
             self.assertEqual(self.load("a.json")["frames"][0][key], self.load("b.json")[key])
+
+
+class Time(Case):
+    """Where the time of a sweep goes."""
+
+    PARTS = ["work", "redundant", "query", "insert", "merge", "lock_wait", "descheduled_wanting", "descheduled_holding",
+             "descheduled_between", "barrier", "other"]
+
+    def test_parts_of_every_row_are_shares_and_the_rest_is_what_they_leave(self):
+        self.succeed(*small_capture(out="a.trace"))
+        self.succeed("sweep", "--workloads", "miss_driven:operations=2000,insert_only:records=500,"
+                     "cornell_box:rays=4:size=32x32,cornell_box:integrator=path:spp=1:size=32x32,"
+                     "trace:file=a.trace:scale=0", "--caches", "null,packed_global_mutex,packed_local_write",
+                     "--threads", "1,8", "--repetitions", "1", "--reference-spp", "2", "--breakdown", "--out", "out.json")
+        results = self.load("out.json")
+        self.assertTrue(results["context"]["configuration"]["breakdown"])
+        counters = results["context"]["hardware_counters"]
+        self.assertTrue(counters["events"] or counters["note"].startswith("no hardware counters: "), counters)
+        for row in results["benchmarks"]:
+            with self.subTest(row["name"]):
+                shares = {part: row[f"time_{part}_share"] for part in self.PARTS}
+                self.assertGreaterEqual(min(shares.values()), 0)
+                self.assertAlmostEqual(sum(shares.values()) + row["time_unexplained"], 1, places=9)
+                if row["workload_kind"] in ("miss_driven", "trace") and row["cache"] != "none":
+                    self.assertGreater(shares["query"], 0)
+                if row["workload_kind"] == "insert_only":
+                    self.assertEqual((shares["query"], shares["work"]), (0, 0))
+                    self.assertGreater(shares["insert"] + shares["lock_wait"] + shares["descheduled_wanting"]
+                                       + shares["descheduled_holding"], 0)
+                if row["threads"] == 1:
+                    self.assertEqual(shares["redundant"], 0)
+                if row["cache"] != "packed_global_mutex":
+                    self.assertEqual((shares["lock_wait"], shares["descheduled_wanting"]), (0, 0))
+                for event in counters["events"]:
+                    self.assertGreater(row[event], 0)
+                if "latency_query_samples" in row:  # all are timed
+                    self.assertEqual(row["latency_query_samples"], row["queries"])
+
+    def test_is_absent_unless_asked_for(self):
+        self.succeed(*small_sweep(out="out.json"))
+        results = self.load("out.json")
+        self.assertNotIn("hardware_counters", results["context"])
+        self.assertEqual([key for key in results["benchmarks"][0] if key.startswith("time_")], ["time_unit"])
+
+    def test_a_timeline_is_a_trace_event_file(self):
+        for events in 200, 100_000:
+            self.succeed(*small_sweep(caches="packed_global_mutex", workloads="miss_driven:operations=3000", threads=3,
+                                      timeline="timeline.json", out="out.json"), "--timeline-events", events)
+            trace = self.load("timeline.json")
+            self.assertEqual(trace["otherData"]["cache"], "packed_global_mutex")
+            names, rows, complete = {}, set(), 0
+            for event in trace["traceEvents"]:
+                self.assertIn(event["ph"], "MX")
+                self.assertIsInstance(event["name"], str)
+                self.assertEqual((type(event["pid"]), type(event["tid"])), (int, int))
+                if event["ph"] == "M":
+                    if event["name"] == "thread_name":
+                        names[event["tid"]] = event["args"]["name"]
+                    continue
+                self.assertGreaterEqual(event["ts"], 0)
+                self.assertGreaterEqual(event["dur"], 0)
+                rows.add(event["tid"])
+                complete += 1
+            self.assertLessEqual(complete, events)
+            self.assertLessEqual(rows, names.keys())
+            self.assertEqual(names, {0: "thread 0", 1: "thread 1", 2: "thread 2", 3: "ends of frames"})
+            self.assertEqual(trace["otherData"]["spans_left_out"] > 0, events == 200)
+        self.assertEqual(sorted(self.contents()), ["out.json", "timeline.json"])
+
+    def test_a_timeline_is_of_one_point(self):
+        one = {"timeline": "timeline.json", "out": "out.json"}
+        self.refuse(*small_sweep(**one, threads="1,2"), says=["--timeline", "one of each"])
+        self.refuse(*small_sweep(**one, caches="null,wait_free"), says=["--timeline"])
+        self.refuse(*small_sweep(**one | {"timeline": "nowhere/timeline.json"}), says=["nowhere"])
+        self.succeed(*small_sweep(out="out.json"))
+        self.refuse(*small_sweep(**one), "--resume", says=["first repetition", "--resume"])
+
+
+class Preempt(Case):
+    """A thread held in the middle of operations."""
+
+    def preempt(self, *arguments):
+        self.succeed("preempt", "--workload", "mix_90_10:records=500:operations=20000", "--repetitions", "2", "--hold-ms",
+                     "1", "--pause-ms", "1", "--out", "out.json", *arguments)
+        return self.load("out.json")
+
+    def test_every_cache_is_measured_held_and_free(self):
+        caches = ["packed_global_mutex", "packed_global_spin", "packed_local_write", "packed_wait_free"]
+        results = self.preempt("--caches", ",".join(caches), "--threads", "3")
+        self.assertIs(results["context"]["complete"], True)
+        rows = results["benchmarks"]
+        self.assertEqual(sorted((row["cache"], row["held"], row["repetition_index"]) for row in rows),
+                         sorted(itertools.product(caches, (False, True), range(2))))
+        for row in rows:
+            with self.subTest(row["name"]):
+                self.assertEqual(row["name"].split("/")[-1], "held" if row["held"] else "free")
+                if not row["held"]:
+                    self.assertEqual((row["holds"], row["held_ms"]), (0, 0))
+                # The one that is held is not among those that are measured.
+                self.assertLess(row["latency_query_samples"] + row["latency_insert_samples"], 20000)
+                self.assertTrue(0 <= row["stalled_share"] <= 1)
+                self.assertGreater(row["others_operations_per_second"], 0)
+
+    def test_is_refused_where_nobody_could_be_measured(self):
+        self.refuse("preempt", "--caches", "sequential", says=["sequential", "single thread"])
+        self.refuse("preempt", "--threads", "1", says=["--threads"])
+        self.refuse("preempt", "--workload", "cornell_box", says=["cornell_box", "synthetic"])
+        self.refuse("preempt", "--hold-ms", "0", says=["--hold-ms"])
+        self.refuse("preempt", "--caches", "no_such", says=["no_such"])
 
 
 class Pareto(Case):

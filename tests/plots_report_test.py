@@ -17,8 +17,8 @@ import matplotlib.image
 import numpy as np
 
 from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
-                           few_caches, model_anatomy, model_caches, model_pareto, model_repeatability, model_results,
-                           model_verdicts, read_csv, run, write_results)
+                           few_caches, model_anatomy, model_caches, model_pareto, model_preempt, model_repeatability,
+                           model_results, model_timeline, model_verdicts, read_csv, run, write_results)
 
 import anatomy_page
 import anatomy_results
@@ -425,6 +425,24 @@ class Correctness(InFolder):
             self.assertRegex(done.stderr, r"^[^\n]+text\.json[^\n]+\n$")
         self.assertEqual(run("correctness.py", self.folder / "absent.json").returncode, 2)
         self.assertEqual(run("correctness.py").returncode, 2)
+
+
+class Stopped(InFolder):
+    """What happens to others when a thread is held, and timelines, as parts of the report."""
+
+    def test_files_beside_the_results_are_taken_up(self):
+        path = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        write_results(self.folder / "preempt.json", model_preempt())
+        write_results(self.folder / "timeline.json", model_timeline())
+        self.good("report.py", path)
+        page = (self.folder / "report.html").read_text()
+        for figure in ("preemption", "timeline", "time_breakdown"):
+            self.assertTrue((self.folder / "figures" / f"{figure}.csv").exists(), figure)
+        self.assertIn(">When a thread is held</h2>", page)
+        self.assertIn(">Timeline: a/b/threads:2</h2>", page)
+        # The mutex: half of the others' time, and a longest query of 11 ms; nobody else waits.
+        self.assertRegex(page, r'<td>packed_global_mutex</td><td class="n">50[^<]*<small>')
+        self.assertRegex(page, r'<td>packed_wait_free</td><td class="n">0 ')
 
 
 class Anatomy(InFolder):

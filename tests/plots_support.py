@@ -118,6 +118,11 @@ def model_row(cache: dict, workload: str, threads: int, repetition: int, noise: 
     if free and inserts:
         row |= {"cas_attempts": inserts * 2, "nodes_discarded": 0,
                 "cas_failures": int(inserts * 0.002 * (threads - 1) * hot)}
+    going = dict(work=0.4, redundant=0.02, query=0.3, insert=0.1, merge=0.01, descheduled_holding=0.03,
+                 descheduled_between=0.03, barrier=0.06, other=0.05)
+    shares = ({part: 0.99 * share * (1 - waiting) for part, share in going.items()}
+              | {"lock_wait": 0.3 * 0.99 * waiting, "descheduled_wanting": 0.7 * 0.99 * waiting})
+    row |= {f"time_{part}_share": share for part, share in shares.items()} | {"time_unexplained": 0.01}
     tail = 1.05 if free else 2.0 ** max(0.0, math.log2(threads))
     for operation, factor in (("query", 1.0), ("insert", 6.0)):
         if operation == "insert" and not inserts or operation == "query" and inserts == operations:
@@ -213,6 +218,38 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
                         "below_reference": error < 0.006}
                         | ({"bias": 0.01, "deviation": 0.02, "bias_runs": repetition + 1} if repetition else {}))
     return {"context": kContext | context, "benchmarks": rows}
+
+
+def model_preempt(stalled=None, repetitions=3, **context) -> dict:
+    """A file of icbench preempt: `stalled` tells for each cache what the others lose while a thread is held."""
+    stalled = stalled or {"packed_global_mutex": 0.5, "packed_wait_free": 0.0}
+    rows = []
+    for repetition in range(repetitions):
+        for cache, share in stalled.items():
+            for held in (False, True):
+                row = {"name": f"preempt/mix_90_10/{cache}/threads:4/{'held' if held else 'free'}",
+                       "repetition_index": repetition, "threads": 4, "real_time": 5.0 + repetition, "time_unit": "ms",
+                       "cache": cache, "workload": "mix_90_10", "hold_ms": 10, "held": held, "holds": 20 * held,
+                       "stalled_share": share if held else 0.0, "others_operations_per_second": 1e6}
+                longest = 1e7 if held and share else 2e4
+                for operation in ("query", "insert"):
+                    row |= {f"latency_{operation}_{p}_ns": ns * (1 + 0.1 * repetition)
+                            for p, ns in (("p10", 100), ("p50", 200), ("p90", 300), ("p999", 5000), ("max", longest))}
+                    row[f"latency_{operation}_samples"] = 100_000
+                rows.append(row)
+    return {"context": kContext | context, "benchmarks": rows}
+
+
+def model_timeline(threads=2) -> dict:
+    """A file of icbench sweep --timeline: 1 ms, in which every thread computes, then waits in a query, then is idle."""
+    events = [{"name": "process_name", "ph": "M", "pid": 1, "tid": 0, "args": {"name": "sweep/a/b/threads:2"}}]
+    for t in range(threads):
+        events.append({"name": "thread_name", "ph": "M", "pid": 1, "tid": t, "args": {"name": f"thread {t}"}})
+        for name, ts, dur, extra in (("compute a record", 0, 500, {"args": {"off_processor_us": 100}}),
+                                     ("query", 500, 250, {}), ("wait for a lock", 500, 150, {}),
+                                     ("idle at a barrier", 750, 250, {})):
+            events.append({"name": name, "cat": "x", "ph": "X", "pid": 1, "tid": t, "ts": ts, "dur": dur} | extra)
+    return {"traceEvents": events, "displayTimeUnit": "ns", "otherData": {"spans_left_out": 0}}
 
 
 def model_repeatability(scene="cornell_box", differences=None, repetitions=3, **context) -> dict:

@@ -17,19 +17,24 @@ import unittest
 
 import numpy as np
 
-from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto,
-                           model_repeatability, model_results, read_csv, run, write_results)
+from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto, model_preempt,
+                           model_repeatability, model_results, model_timeline, read_csv, run, write_results)
 
 import contention_map
 import over_threads
 import pareto
 import pareto_results
+import preemption
+import preemption_results
 import repeatability
 import repeatability_results
 import results
 import speed_error
 import style
-from figures import ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
+import timeline
+import timeline_results
+from figures import (ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES,
+                     TIMELINE_FIGURES)
 
 
 class Statistics(unittest.TestCase):
@@ -312,6 +317,74 @@ class Pareto(InFolder):
         self.assertEqual([plate.slug for plate in plates], ["relmse", "flip", "hdrvdp_p75"])
 
 
+class Time(InFolder):
+    def test_bars_are_means_that_add_up(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 8), errors=False)
+        path = write_results(self.folder / "results.json", data)
+        self.good("time_breakdown.py", path, "--out", self.folder)
+        sums: dict[tuple, float] = {}
+        for line in read_csv(self.folder / "time_breakdown.csv"):
+            key = line["cache"], line["workload"], line["threads"]
+            sums[key] = sums.get(key, 0.0) + float(line["mean"])
+        self.assertEqual(len(sums), len({r["name"] for r in data["benchmarks"]}))
+        for key, whole in sums.items():
+            self.assertAlmostEqual(whole, 1, 9, key)
+
+    def test_without_a_breakdown_nothing_is_drawn(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1,), errors=False)
+        for row in data["benchmarks"]:
+            for key in [k for k in row if k.startswith("time_") and k != "time_unit"]:
+                del row[key]
+        path = write_results(self.folder / "results.json", data)
+        self.assertIn("--breakdown", self.good("time_breakdown.py", path, "--out", self.folder).stdout)
+
+    def test_time_that_is_not_explained_is_said(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1,), errors=False)
+        for row in data["benchmarks"]:
+            row["time_unexplained"] = 0.2
+        path = write_results(self.folder / "results.json", data)
+        self.assertIn("not explained", self.good("time_breakdown.py", path, "--out", self.folder).stdout)
+
+    def test_a_timeline_shows_each_moment_by_its_shares(self):
+        path = write_results(self.folder / "timeline.json", model_timeline())
+        one = timeline_results.load([path])[0]
+        self.assertEqual((one.label, one.names), ("sweep/a/b/threads:2", {0: "thread 0", 1: "thread 1"}))
+        shares = timeline.shares(one, 0, 1000.0)
+        middle = {kind: [round(float(value[int(f * timeline.kBins)]), 6) for f in (0.25, 0.55, 0.7, 0.9)]
+                  for kind, value in shares.items()}
+        self.assertEqual(middle["compute a record"], [0.8, 0, 0, 0])
+        self.assertEqual(middle["off"], [0.2, 0, 0, 0])
+        self.assertEqual(middle["wait for a lock"], [0, 1, 0, 0])
+        self.assertEqual(middle["query"], [0, 0, 1, 0])
+        self.assertEqual(middle["idle at a barrier"], [0, 0, 0, 1])
+        self.good("timeline.py", path, "--out", self.folder)
+        self.assertTrue((self.folder / "timeline.svg").exists())
+
+    def test_files_that_are_no_timeline_are_told_in_one_line(self):
+        for data in ([], {}, {"traceEvents": []}, {"traceEvents": [{"ph": "X", "name": "a"}]}):
+            path = write_results(self.folder / "timeline.json", data)
+            done = run("timeline.py", path, "--out", self.folder)
+            self.assertEqual((done.returncode, done.stdout), (2, ""))
+            self.assertRegex(done.stderr, r"^[^\n]+\n$")
+
+    def test_curves_rise_to_the_right_and_end_at_the_longest(self):
+        path = write_results(self.folder / "preempt.json", model_preempt())
+        self.good("preemption.py", path, "--out", self.folder)
+        lines: dict[tuple, list] = {}
+        for line in read_csv(self.folder / "preemption.csv"):
+            key = line["cache"], line["held"], line["operation"]
+            lines.setdefault(key, []).append((float(line["x"]), float(line["median"]), line["percentile"]))
+        self.assertEqual(len(lines), 8)
+        for key, points in lines.items():
+            self.assertEqual([p[2] for p in points], ["p10", "p50", "p90", "p999", "max"])
+            self.assertEqual(points, sorted(points))
+            self.assertAlmostEqual(points[1][0], math.log10(2))
+            self.assertAlmostEqual(points[-1][0], 5)
+        self.assertAlmostEqual(lines["packed_global_mutex", "True", "query"][-1][1], 1.1e7)
+        plate = preemption.build(preemption_results.load([path])[0]).plates[0]
+        self.assertIn("mutex 50 %", plate.footnote)
+
+
 class Repeatability(InFolder):
     def test_every_cache_and_thread_count_is_one_line_with_its_medians(self):
         path = write_results(self.folder / "repeatability.json", model_repeatability())
@@ -375,7 +448,8 @@ class WrongInput(InFolder):
         self.refused("throughput.py", self.results(), "--out", "/proc/nowhere")
 
     def test_help(self):
-        figures = [*FIGURES, *PARETO_FIGURES, *REPEATABILITY_FIGURES, *ANATOMY_FIGURES]
+        figures = [*FIGURES, *PARETO_FIGURES, *REPEATABILITY_FIGURES, *PREEMPTION_FIGURES, *TIMELINE_FIGURES,
+                   *ANATOMY_FIGURES]
         for script in ["report.py", *(f"{figure.name}.py" for figure in figures)]:
             done = self.good(script, "--help")
             self.assertIn("--out DIR", done.stdout)

@@ -167,12 +167,15 @@ TEST(Plan, ExpectedHitsAreThoseOfAllRecords) {
   EXPECT_LT(hits, 3000u) << "the test needs misses too";
 }
 
+constexpr struct Nobody {
+} nobody;  // a session that counts no waiting
+
 TEST(LatencySampling, OneInSoManyIsTimed) {
   for (const auto& [every, expected] : {std::pair{1u, 100000.0}, {16u, 6250.0}, {1000u, 100.0}, {0u, 0.0}}) {
     LatencySampler sampler(every, 9);
     Histogram histogram;
     int runs = 0;
-    for (int i = 0; i < 100000; ++i) EXPECT_EQ(sampler.run(histogram, [&] { return ++runs; }), i + 1);
+    for (int i = 0; i < 100000; ++i) EXPECT_EQ(sampler.run(histogram, nobody, [&] { return ++runs; }), i + 1);
     // Distances are uniform, so the count's standard deviation is 0.58 of its root.
     EXPECT_NEAR(static_cast<double>(histogram.count()), expected, every < 2 ? 0.0 : 4 * std::sqrt(expected));
   }
@@ -183,7 +186,7 @@ TEST(LatencySampling, FollowsNoRhythm) {
   std::set<int> distances;
   for (int i = 0, last = -1; i < 1000; ++i) {
     Histogram histogram;
-    sampler.run(histogram, [] { return 0; });
+    sampler.run(histogram, nobody, [] { return 0; });
     if (histogram.count() == 0) continue;
     if (last >= 0) distances.insert(i - last);
     last = i;

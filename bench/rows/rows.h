@@ -54,6 +54,9 @@ std::unique_ptr<Experiment> packed_oversubscribed(const Machine& machine, Oversu
 /// Time of a frame of the moving Cornell box whose cache operations are captured, over that of one left alone.
 std::unique_ptr<Experiment> trace_slowdown(const Machine& machine, std::string_view integrator);
 
+/// Share of wall time x threads that the parts of a sweep's time breakdown do not explain.
+std::unique_ptr<Experiment> breakdown_sum(const Machine& machine);
+
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();
 

@@ -80,6 +80,9 @@ class Session {
 
   void prefault(std::uint32_t n) noexcept { cache_->prefault(*state_, n); }
 
+  /// What this session has waited for locks since the counters were reset, nanoseconds; 0 without counters.
+  std::uint64_t lock_wait_ns() const noexcept { return state_->counters.counts().lock_wait_ns; }
+
  private:
   /// `query` for as many points as the cache can have under way at once, or fewer.
   void query_some(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {

@@ -23,6 +23,7 @@ void add_animate(CLI::App& app);
 void add_compare(CLI::App& app);
 void add_list(CLI::App& app);
 void add_pareto(CLI::App& app);
+void add_preempt(CLI::App& app);
 void add_render(CLI::App& app);
 void add_repeatability(CLI::App& app);
 void add_sweep(CLI::App& app);

@@ -102,6 +102,7 @@ int run(int argc, char** argv) {
   add_animate(app);
   add_compare(app);
   add_pareto(app);
+  add_preempt(app);
   add_repeatability(app);
   add_trace(app);
   app.footer(

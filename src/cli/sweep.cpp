@@ -6,11 +6,16 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
+#include <utility>
 
 #include "cli/command.h"
 #include "cli/options.h"
 #include "harness/environment.h"
+#include "harness/output_file.h"
+#include "harness/perf_counters.h"
 #include "harness/progress.h"
+#include "harness/timeline.h"
 
 namespace icbench {
 namespace {
@@ -23,7 +28,9 @@ struct SweepOptions {
   std::uint64_t seed = 1;
   std::uint32_t latency_every = 16;
   std::uint32_t reference_spp = 1024;
-  bool resume = false, dry_run = false, list = false;
+  std::string timeline;  // no file: none
+  std::uint32_t timeline_events = 100'000;
+  bool breakdown = false, resume = false, dry_run = false, list = false;
 };
 
 /// Powers of two up to the processing units, these, and four times as many.
@@ -58,6 +65,7 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   request.seed = o.seed;
   request.latency_every = o.latency_every;
   request.reference_spp = o.reference_spp;
+  request.breakdown = o.breakdown;
   require_distinct("--caches", request.caches);
   std::vector<std::string> names;
   for (const WorkloadSpec& w : request.workloads) names.push_back(w.name);
@@ -79,10 +87,28 @@ nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::o
                                 {"latency_every", r.latency_every},
                                 {"reference_spp", r.reference_spp},
                                 {"environment", environment_identity(environment)}};
+  if (r.breakdown) out["breakdown"] = true;
   // A file may change under its name.
   for (const WorkloadSpec& w : r.workloads)
     if (w.kind == WorkloadKind::trace) out["traces"][w.name] = fmt::format("{:016x}", trace_checksum(w));
   return out;
+}
+
+/// The timeline of a trial, of its own point: nobody else's options decide what is drawn.
+void write_timeline(const SweepOptions& o, const Sweep& sweep, const SweepPoint& point, const Entry& entry,
+                    const Timeline& timeline) {
+  nlohmann::ordered_json about = {{"workload", sweep.request().workloads[point.workload].name},
+                                  {"cache", point.cache_name()},
+                                  {"wall_ms", entry.real_time},
+                                  {"command_line", command_line()}};
+  const std::string text =
+      timeline.to_json(entry.name, about).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
+      "\n";
+  if (is_written_in_place(o.timeline)) {
+    write_all(open_in_place(o.timeline), text, o.timeline);
+  } else {
+    replace_file(o.timeline, [&](const Descriptor& out) { write_all(out, text, o.timeline); });
+  }
 }
 
 /// Runs a trial for its time alone.
@@ -143,11 +169,24 @@ void sweep_command(const SweepOptions& o) {
   nlohmann::ordered_json context = environment(topology, info);
   const nlohmann::ordered_json configuration = configuration_of(request, context);
 
+  if (!o.timeline.empty()) {
+    if (o.resume)
+      throw std::runtime_error("--timeline draws the first repetition, so it must be run; drop --resume");
+    require_writable("--timeline", o.timeline);
+  }
   Sweep sweep(request, topology);
+  if (!o.timeline.empty() && (request.workloads.size() != 1 || sweep.points(0, 0).size() != 1)) {
+    throw std::runtime_error(
+        "--timeline draws one workload with one cache on one number of threads; name one of each");
+  }
   if (o.list) return print_names(sweep);
   if (o.dry_run) return estimate(sweep, topology);
   context["work_calibration"] = sweep.work().calibration().to_json();
   context["tick_rate"] = sweep.tick_rate().to_json();
+  if (o.breakdown) {
+    const PerfOffer offer = perf_offer();
+    context["hardware_counters"] = {{"events", offer.names}, {"note", offer.note}};
+  }
   // Before anything is measured, so that a bad path or another configuration is told at once.
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
 
@@ -156,6 +195,8 @@ void sweep_command(const SweepOptions& o) {
     trials += sweep.points(w, 0).size() * request.repetitions;
   Progress progress("sweep", static_cast<double>(trials));
   std::vector<std::string> invalid;
+  std::optional<Timeline> timeline;
+  if (!o.timeline.empty()) timeline.emplace(o.timeline_events, sweep.tick_rate());
   for (std::size_t w = 0; w < request.workloads.size(); ++w) {
     bool warm = false;
     for (unsigned repetition = 0; repetition < request.repetitions; ++repetition) {
@@ -168,7 +209,10 @@ void sweep_command(const SweepOptions& o) {
         try {
           if (!std::exchange(warm, true))
             sweep.run(point, repetition);  // the first trial of a workload runs cold
-          results.add(sweep.run(point, repetition));
+          const bool is_drawn = timeline && repetition == 0;
+          const Entry entry = sweep.run(point, repetition, is_drawn ? &*timeline : nullptr);
+          if (is_drawn) write_timeline(o, sweep, point, entry, *timeline);
+          results.add(entry);
         } catch (const InvalidTrial& e) {
           invalid.push_back(e.what());
         }
@@ -217,6 +261,18 @@ void add_sweep(CLI::App& app) {
             "Time one operation in so many; 1 times all, 0 none");
   add_whole(sweep, "--reference-spp", o->reference_spp, 2u, 1u << 24,
             "Samples per pixel of the path-traced reference that ray-traced\nworkloads are judged by");
+  sweep->add_flag(
+      "--breakdown", o->breakdown,
+      "Tell where the threads' time goes (fields time_*), and what the\nhardware counts, where it "
+      "does; every operation is timed then");
+  sweep
+      ->add_option("--timeline", o->timeline,
+                   "Also what each thread did in the first repetition (Trace Event\nJSON, for Perfetto or "
+                   "plots/timeline.py); one point only")
+      ->type_name("FILE");
+  add_whole(sweep, "--timeline-events", o->timeline_events,
+            static_cast<std::uint32_t>(Timeline::kLeastEvents),
+            static_cast<std::uint32_t>(Timeline::kMostEvents), "Events in it at most; the longest are kept");
   sweep->add_option("--out", o->out, "Results (JSON); written as the sweep goes on")
       ->type_name("FILE")
       ->capture_default_str();

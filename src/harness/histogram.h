@@ -47,6 +47,14 @@ class alignas(64) Histogram {  // aligned: histograms of several threads may sit
     return sum;
   }
 
+  /// The same of the values above `least`, by their buckets' middles.
+  std::uint64_t sum_above(std::uint64_t least) const noexcept {
+    std::uint64_t sum = 0;
+    for (std::size_t i = 0; i < kBuckets; ++i)
+      if (middle(i) > least) sum += counts_[i] * middle(i);
+    return sum;
+  }
+
   /// Nearest-rank percentile: the smallest recorded value v such that at least q * count() values are <= v,
   /// up to the bucket's error; never above max(). `q` in [0, 1], clamped (NaN as 0); 1 gives max(). 0 when
   /// empty.

@@ -25,9 +25,10 @@ struct CachedPassSetup {
   std::uint32_t latency_every = 0;  ///< one operation in so many is timed, at random; 0 none
   std::uint64_t seed = 0;           ///< of which operations are timed
   const RayTracer* deterministic =
-      nullptr;                     ///< of the pictures, if they are to be made in waves (render/waves.h)
-  bool overture = false;           ///< first all records, then the picture
-  TraceRecorder* trace = nullptr;  ///< captures what tiles do; not of pictures in waves
+      nullptr;                          ///< of the pictures, if they are to be made in waves (render/waves.h)
+  bool overture = false;                ///< first all records, then the picture
+  TraceRecorder* trace = nullptr;       ///< captures what tiles do; not of pictures in waves
+  std::span<ThreadAccount> accounts{};  ///< of the crew's threads, if their time is accounted for
 };
 
 template <template <class> class CacheTemplate>
@@ -45,7 +46,9 @@ class CachedPass : public IndirectPass, protected WaveCache {
     crew.run([&](unsigned t, Tracer&) {
       auto session = cache_.open_session(t);
       session.prefault(setup.prefault);
-      workers_[t] = std::make_unique<Worker>(session, setup.latency_every, hash_keys(setup.seed, t, 7));
+      ThreadAccount* const account = t < setup.accounts.size() ? &setup.accounts[t] : nullptr;
+      workers_[t] =
+          std::make_unique<Worker>(session, setup.latency_every, hash_keys(setup.seed, t, 7), account);
     });
     cache_.reset_counters();
   }
@@ -124,8 +127,8 @@ class CachedPass : public IndirectPass, protected WaveCache {
   }
 
   struct alignas(kNoSharing) Worker {
-    Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed)
-        : session(s, latency_every, seed) {}
+    Worker(typename Cache::Session s, std::uint32_t latency_every, std::uint64_t seed, ThreadAccount* account)
+        : session(s, latency_every, seed, account) {}
     TimedSession<typename Cache::Session> session;
     CacheUse use;
   };

@@ -113,11 +113,14 @@ TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) 
   TileCursor cursor(plan.tiles());
   const SampleKey key{setup.seed, 0, 0};
   const TeamTimes times = setup.team.run([&](unsigned t) {
-    while (const Tile* tile = cursor.next()) {
-      path_indirect_tile(*tracers[t], primary, plan.spec().spp, key, *tile, indirect);
-    }
+    accounted(setup.account(t), [&] {
+      while (const Tile* tile = cursor.next()) {
+        path_indirect_tile(*tracers[t], primary, plan.spec().spp, key, *tile, indirect);
+      }
+    });
   });
   TrialOutcome out;
+  account_for(setup, times, {}, out);
   out.wall_ns = static_cast<double>(times.wall_ns());
   out.cpu_ns = static_cast<double>(times.cpu_ns());
   for (const auto& tracer : tracers) out.rays += tracer->counts;

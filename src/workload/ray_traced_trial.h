@@ -47,6 +47,7 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   cached.prefault = static_cast<std::uint32_t>(pixels / 8 / crew.size() + 1);
   cached.latency_every = setup.latency_every;
   cached.seed = setup.seed;
+  cached.accounts = setup.accounts;
   CachedPass<CacheTemplate> pass(cached, std::make_unique<RememberingSource>(plan.source(), accepted), crew);
   Cache& cache = pass.cache();
   Image indirect = make_image(plan.primary().width, plan.primary().height);
@@ -56,11 +57,15 @@ TrialOutcome run_ray_traced_trial(const RayTracedPlan& plan, const TrialSetup& s
   pass.begin_frame({});
   pass.begin_sample(plan.primary(), key);
   const TeamTimes times = crew.time([&](unsigned thread, Tracer& tracer) {
-    while (const Tile* tile = cursor.next()) pass.tile(thread, tracer, plan.primary(), key, *tile, indirect);
+    accounted(setup.account(thread), [&] {
+      while (const Tile* tile = cursor.next())
+        pass.tile(thread, tracer, plan.primary(), key, *tile, indirect);
+    });
   });
   const FrameEnd frame_end = timed_end([&] { pass.end_sample(plan.primary(), indirect); });
 
   TrialOutcome out = outcome_of(cache, times, frame_end);
+  account_for(setup, times, frame_end, out);
   out.operations = out.counts.queries + out.counts.inserted + out.counts.full + out.counts.rejected;
   const std::uint64_t inserts = pass.figures().use.inserts;
   pass.for_each_session([&](const auto& session) {

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "caches/session.h"
 #include "core/random.h"
+#include "harness/timeline.h"
 #include "scene/registry.h"
 #include "workload/memory.h"
 #include "workload/names.h"
@@ -20,18 +22,66 @@ std::uint64_t seed_of(const SweepRequest& request, unsigned repetition) {
   return hash_keys(request.seed, repetition, 8);
 }
 
+struct Percentile {
+  std::string_view name;
+  double share;
+  bool always;
+};
+constexpr Percentile kPercentiles[] = {
+    {"p10", 0.1, true},    {"p25", 0.25, true},      {"p50", 0.5, true},       {"p75", 0.75, true},
+    {"p90", 0.9, true},    {"p95", 0.95, true},      {"p99", 0.99, true},      {"p995", 0.995, false},
+    {"p999", 0.999, true}, {"p9995", 0.9995, false}, {"p9999", 0.9999, false}, {"p99999", 0.99999, false}};
+
+}  // namespace
+
 void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
                  const TickRate& rate) {
   if (h.count() == 0) return;
   const auto put = [&](std::string_view what, std::uint64_t value) {
     out[fmt::format("latency_{}_{}_ns", operation, what)] = std::round(rate.to_ns(value) * 10.0) / 10.0;
   };
-  put("p50", h.percentile(0.5));
-  put("p90", h.percentile(0.9));
-  put("p99", h.percentile(0.99));
-  put("p999", h.percentile(0.999));
+  for (const Percentile& p : kPercentiles) {
+    // Beyond what so many samples tell lies the maximum alone; the usual ones are always there.
+    if (p.always || (1.0 - p.share) * static_cast<double>(h.count()) >= 1.0)
+      put(p.name, h.percentile(p.share));
+  }
   put("max", h.max());
   out[fmt::format("latency_{}_samples", operation)] = h.count();
+}
+
+namespace {
+
+/// Where all time of a trial went, as shares of wall time x threads, and what the hardware counted.
+void add_breakdown(nlohmann::ordered_json& out, const TimeBreakdown& t, double redundant_records,
+                   std::span<const ThreadAccount> accounts) {
+  const double redundant =
+      t.records == 0 ? 0.0
+                     : t.work * std::clamp(redundant_records / static_cast<double>(t.records), 0.0, 1.0);
+  const auto put = [&](std::string_view what, double ns) {
+    out[fmt::format("time_{}_share", what)] = ns / t.total;
+  };
+  put("work", t.work - redundant);
+  put("redundant", redundant);
+  put("query", t.query);
+  put("insert", t.insert);
+  put("merge", t.merge);
+  put("lock_wait", t.lock_wait);
+  put("descheduled_wanting", t.wanting);
+  put("descheduled_holding", t.holding);
+  put("descheduled_between", t.displaced);
+  put("barrier", t.barrier);
+  put("other", t.other);
+  out["time_unexplained"] = 1.0 - t.sum() / t.total;
+  for (const PerfEvent& event : perf_events()) {
+    double sum = 0.0;
+    bool is_whole = true;
+    for (const ThreadAccount& a : accounts) {
+      const std::optional<double> value = a.perf().value(event.name);
+      is_whole &= value.has_value();
+      sum += value.value_or(0.0);
+    }
+    if (is_whole) out[std::string(event.name)] = sum;
+  }
 }
 
 }  // namespace
@@ -159,14 +209,25 @@ ThreadTeam& Sweep::team(unsigned threads) {
   return *slot;
 }
 
-Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
+Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timeline) {
   const WorkloadSpec& spec = request_.workloads[point.workload];
   PlanData& data = plan(point.workload);
-  const TrialSetup setup{team(point.threads), work_, seed_of(request_, repetition), request_.latency_every};
-  const TrialOutcome o = point.cache == nullptr ? run_path_trial(*data.ray_traced, setup)
-                         : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
-                         : data.trace           ? point.cache->trace(*data.trace, setup)
-                                                : point.cache->synthetic(*data.synthetic, setup);
+  TrialSetup setup{team(point.threads), work_, seed_of(request_, repetition), request_.latency_every};
+  std::vector<ThreadAccount> accounts;
+  if (request_.breakdown || timeline != nullptr) {
+    accounts.reserve(point.threads);
+    for (unsigned t = 0; t < point.threads; ++t)
+      accounts.emplace_back(tick_rate_, timeline == nullptr ? 0 : timeline->spans_of(point.threads));
+    setup.team.run([&](unsigned t) { accounts[t].count_hardware(); });
+    setup.accounts = accounts;
+    setup.timeline = timeline;
+  }
+  TrialOutcome o = point.cache == nullptr ? run_path_trial(*data.ray_traced, setup)
+                   : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
+                   : data.trace           ? point.cache->trace(*data.trace, setup)
+                                          : point.cache->synthetic(*data.synthetic, setup);
+  for (const ThreadAccount& account : accounts) o.time.add_thread(account.thread_ticks(), tick_rate_);
+  if (point.cache == nullptr) o.time.work += std::exchange(o.time.other, 0.0);  // nothing but paths
   if (!o.error.empty()) {
     throw InvalidTrial(fmt::format("{} (repetition {}): {}", name_of(point), repetition, o.error));
   }
@@ -215,15 +276,20 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition) {
     c["nodes_discarded"] = o.counts.nodes_discarded;
     if (o.records != 0) c["bytes_per_record"] = static_cast<double>(o.bytes) / static_cast<double>(o.records);
     const bool keeps = point.cache->traits.consistency != Consistency::none;
+    double redundant = 0.0;
     if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::ray_traced ||
                   spec.kind == WorkloadKind::trace)) {
-      c["redundant_records"] =
+      const std::int64_t more =
           static_cast<std::int64_t>(o.records) -
           static_cast<std::int64_t>(records_of_one_thread(data, data.trace ? 0 : setup.seed));
+      c["redundant_records"] = more;
+      redundant = static_cast<double>(more);
     }
+    if (request_.breakdown) add_breakdown(c, o.time, redundant, accounts);
     add_latency(c, "query", o.query_ticks, tick_rate_);
     add_latency(c, "insert", o.insert_ticks, tick_rate_);
   }
+  if (point.cache == nullptr && request_.breakdown) add_breakdown(c, o.time, 0.0, accounts);
   if (spec.kind == WorkloadKind::ray_traced) {
     c["integrator"] = spec.path ? "path" : "irradiance_cache";
     c["width"] = spec.width;

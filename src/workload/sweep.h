@@ -28,6 +28,7 @@ struct SweepRequest {
   std::uint64_t seed = 1;
   std::uint32_t latency_every = 16;
   std::uint32_t reference_spp = 1024;  ///< samples per pixel of the ray-traced workloads' reference
+  bool breakdown = false;              ///< account for all time, and count by hardware where it can
 };
 
 /// Of the file of a trace's workload. Throws std::runtime_error with one line if it cannot be read.
@@ -37,6 +38,11 @@ std::uint64_t trace_checksum(const WorkloadSpec& spec);
 struct InvalidTrial : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+/// Percentiles of a histogram of ticks as fields "latency_OPERATION_pNN_ns", ..., "latency_OPERATION_max_ns"; none of
+/// an empty one.
+void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
+                 const TickRate& rate);
 
 /// One point of a sweep.
 struct SweepPoint {
@@ -64,8 +70,9 @@ class Sweep {
   /// Name of a point in the results: "sweep/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SweepPoint& point) const;
 
-  /// Runs one repetition of one point. Throws InvalidTrial with one line if the trial was not valid.
-  Entry run(const SweepPoint& point, unsigned repetition);
+  /// Runs one repetition of one point; its spans go to `timeline`, if there is one. Throws InvalidTrial with one line if
+  /// the trial was not valid.
+  Entry run(const SweepPoint& point, unsigned repetition, Timeline* timeline = nullptr);
 
  private:
   struct SceneData;  // tracer of a scene

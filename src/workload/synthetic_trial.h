@@ -40,7 +40,7 @@ void run_stream(Session& session, const SyntheticPlan& plan, const Streams& stre
   SyntheticWorker out;
   out.work = thread;
   const auto insert = [&](const Record& r) {
-    const InsertResult result = sampler.run(out.insert_ticks, [&] { return session.insert(r); });
+    const InsertResult result = sampler.run(out.insert_ticks, session, [&] { return session.insert(r); });
     ++(result == InsertResult::inserted ? out.inserted : out.refused);
   };
   for (std::uint32_t i = streams.begin[thread]; i < streams.begin[thread + 1]; ++i) {
@@ -51,7 +51,7 @@ void run_stream(Session& session, const SyntheticPlan& plan, const Streams& stre
     }
     ++out.queries;
     const SurfacePoint& x = plan.points()[operation];
-    if (const auto E = sampler.run(out.query_ticks, [&] { return session.query(x); })) {
+    if (const auto E = sampler.run(out.query_ticks, session, [&] { return session.query(x); })) {
       ++out.hits;
       out.sum += E->x;
       out.least = std::min(out.least, E->x);
@@ -120,16 +120,21 @@ TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& se
   const std::uint64_t work_units = setup.work.units_for_ns(1000.0 * spec.cost_us);
   cache.begin_frame();
   const TeamTimes times = setup.team.run([&](unsigned t) {
-    const LatencySampler sampler(setup.latency_every, hash_keys(setup.seed, t, 6));
-    run_stream(sessions[t], plan, streams, t, work_units, sampler, *workers[t]);
+    ThreadAccount* const account = setup.account(t);
+    const LatencySampler sampler(setup.latency_every, hash_keys(setup.seed, t, 6), account);
+    accounted(account, [&] { run_stream(sessions[t], plan, streams, t, work_units, sampler, *workers[t]); });
   });
   const FrameEnd frame_end = timed_end([&] { cache.end_frame(); });
 
   TrialOutcome out = outcome_of(cache, times, frame_end);
+  account_for(setup, times, frame_end, out);
   SyntheticWorker all;
-  for (const auto& worker : workers) {
-    out.query_ticks.merge(worker->query_ticks);
-    out.insert_ticks.merge(worker->insert_ticks);
+  for (unsigned t = 0; t < threads; ++t) {
+    const auto& worker = workers[t];
+    if (t >= setup.latencies_from) {
+      out.query_ticks.merge(worker->query_ticks);
+      out.insert_ticks.merge(worker->insert_ticks);
+    }
     all.queries += worker->queries;
     all.hits += worker->hits;
     all.inserted += worker->inserted;

@@ -24,7 +24,8 @@ namespace icbench {
 
 /// One worker's state and results, on lines of its own.
 struct alignas(kNoSharing) TraceWorker {
-  TraceWorker(std::uint32_t latency_every, std::uint64_t seed) : sampler(latency_every, seed) {}
+  TraceWorker(std::uint32_t latency_every, std::uint64_t seed, ThreadAccount* account)
+      : sampler(latency_every, seed, account) {}
 
   LatencySampler sampler;
   Histogram query_ticks;
@@ -47,7 +48,7 @@ void replay_tile(Session& session, const TracePlan& plan, const Trace::Tile& til
   for (std::uint32_t i = tile.begin; i < tile.end; ++i) {
     ++out.queries;
     const SurfacePoint& x = trace.points[i];
-    const auto E = out.sampler.run(out.query_ticks, [&] { return session.query(x); });
+    const auto E = out.sampler.run(out.query_ticks, session, [&] { return session.query(x); });
     const TracedRecord& origin = trace.records[plan.origin(i)];
     const bool was_hit = plan.is_stand_in(i);
     if (E && (was_hit || (origin.flags & TracedRecord::kRefusedAnswer) == 0)) {
@@ -59,7 +60,8 @@ void replay_tile(Session& session, const TracePlan& plan, const Trace::Tile& til
       session.visit(x, RecordCallback{[](void*, const Record&, float) noexcept {}, nullptr});
     if (!was_hit && origin.result != InsertResult::inserted) continue;
     const Record record = plan.record(i);
-    const InsertResult result = out.sampler.run(out.insert_ticks, [&] { return session.insert(record); });
+    const InsertResult result =
+        out.sampler.run(out.insert_ticks, session, [&] { return session.insert(record); });
     if (result == InsertResult::inserted) {
       accepted[i] = 1;
       ++out.inserted;
@@ -111,7 +113,8 @@ TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup) {
   setup.team.run([&](unsigned t) {
     sessions[t] = cache.open_session(t);
     sessions[t].prefault(expected);
-    workers[t] = std::make_unique<TraceWorker>(setup.latency_every, hash_keys(setup.seed, t, 10));
+    workers[t] =
+        std::make_unique<TraceWorker>(setup.latency_every, hash_keys(setup.seed, t, 10), setup.account(t));
   });
 
   TrialOutcome out;
@@ -120,18 +123,21 @@ TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup) {
     alignas(kNoSharing) std::atomic<std::uint32_t> next{tiles.begin};
     cache.begin_frame();
     const TeamTimes times = setup.team.run([&](unsigned t) {
-      for (;;) {
-        // relaxed: tiles are immutable and were shared before the threads started; only uniqueness matters.
-        const std::uint32_t tile = next.fetch_add(1, std::memory_order_relaxed);
-        if (tile >= tiles.end) return;
-        replay_tile(sessions[t], plan, trace.tiles[tile], work_units, *workers[t], accepted);
-      }
+      accounted(setup.account(t), [&] {
+        for (;;) {
+          // relaxed: tiles are immutable and were shared before the threads started; only uniqueness matters.
+          const std::uint32_t tile = next.fetch_add(1, std::memory_order_relaxed);
+          if (tile >= tiles.end) return;
+          replay_tile(sessions[t], plan, trace.tiles[tile], work_units, *workers[t], accepted);
+        }
+      });
     });
     const FrameEnd end = timed_end([&] { cache.end_frame(); });
     out.merge_ns += end.wall_ns;
     out.wall_ns += static_cast<double>(times.wall_ns()) + end.wall_ns;
     out.cpu_ns += static_cast<double>(times.cpu_ns()) + end.cpu_ns;
     out.start_skew_ns = std::max(out.start_skew_ns, static_cast<double>(times.start_skew_ns()));
+    account_for(setup, times, end, out);
     out.counts += cache.counters();
     cache.reset_counters();
   };

@@ -5,17 +5,23 @@
 #include <cstdint>
 #include <ctime>
 #include <optional>
+#include <span>
 #include <string>
+#include <type_traits>
 
 #include "core/counters.h"
 #include "core/random.h"
+#include "core/types.h"
 #include "harness/calibrated_work.h"
 #include "harness/histogram.h"
 #include "harness/thread_team.h"
 #include "harness/ticks.h"
+#include "harness/time_account.h"
 #include "render/ray_tracer.h"
 
 namespace icbench {
+
+class Timeline;
 
 /// What a trial runs with.
 struct TrialSetup {
@@ -23,6 +29,14 @@ struct TrialSetup {
   const Work& work;
   std::uint64_t seed = 0;  ///< of the repetition; equal for all caches, so that they see the same operations
   std::uint32_t latency_every = 16;  ///< one operation in so many is timed, at random; 1 times all, 0 none
+  /// Of the team's threads, if their time is to be accounted for; all operations are timed then.
+  std::span<ThreadAccount> accounts{};
+  Timeline* timeline = nullptr;  ///< takes the accounts' spans
+  unsigned latencies_from = 0;   ///< threads below are left out of the latencies
+
+  ThreadAccount* account(unsigned thread) const noexcept {
+    return thread < accounts.size() ? &accounts[thread] : nullptr;
+  }
 };
 
 /// What came out. A trial that was not valid has `error` set, and its times mean nothing.
@@ -40,6 +54,7 @@ struct TrialOutcome {
   Histogram query_ticks;
   Histogram insert_ticks;
   double checksum = 0.0;  ///< sum of the queries' answers; keeps the compiler from dropping them
+  TimeBreakdown time;     ///< total 0 where no accounts were given
 
   // Ray-traced.
   RayCounts rays;
@@ -51,26 +66,48 @@ struct TrialOutcome {
   bool same_records = false;    ///< at the end of every frame, as in the render, bit for bit
 };
 
+/// Waiting that a session has counted so far, ns; 0 for sessions that count none.
+template <class Session>
+std::uint64_t waited_ns(const Session& session) noexcept {
+  if constexpr (requires { session.lock_wait_ns(); }) {
+    return session.lock_wait_ns();
+  } else {
+    return 0;
+  }
+}
+
 /// Decides which operations are timed: on average one in `every`, at random distances so that no rhythm of
-/// the workload is sampled.
+/// the workload is sampled; all of them for an account.
 class LatencySampler {
  public:
-  LatencySampler(std::uint32_t every, std::uint64_t seed) noexcept : every_(every), random_(seed) {
+  LatencySampler(std::uint32_t every, std::uint64_t seed, ThreadAccount* account = nullptr) noexcept
+      : every_(account != nullptr ? 1 : every), random_(seed), account_(account) {
     rewind();
   }
 
-  /// Runs `operation`; times it into `histogram` if it is its turn.
-  template <class F>
-  auto run(Histogram& histogram, F&& operation) noexcept {
+  /// Runs `operation` on `session`: a query or an insert, as its result tells. Times it into `histogram` if it is its
+  /// turn.
+  template <class Session, class F>
+  auto run(Histogram& histogram, const Session& session, F&& operation) noexcept {
     if (left_-- != 0) [[likely]] {
       return operation();
     }
     rewind();
-    const std::uint64_t start = ticks();
+    constexpr bool kInserts = std::is_same_v<decltype(operation()), InsertResult>;
+    constexpr Doing kDoing = kInserts ? Doing::insert : Doing::query;
+    const std::uint64_t start = account_ != nullptr ? account_->enter(kDoing, waited_ns(session)) : ticks();
     auto result = operation();
-    histogram.record(ticks() - start);
+    const std::uint64_t end = ticks();
+    histogram.record(end - start);
+    if (account_ != nullptr) {
+      bool missed = false;
+      if constexpr (!kInserts) missed = !result;
+      account_->leave(kDoing, end, waited_ns(session), missed);
+    }
     return result;
   }
+
+  ThreadAccount* account() const noexcept { return account_; }
 
  private:
   void rewind() noexcept { left_ = every_ == 0 ? ~0ull : random_.below(2 * every_ - 1); }
@@ -78,14 +115,24 @@ class LatencySampler {
   std::uint32_t every_;
   std::uint64_t left_;
   Pcg32 random_;
+  ThreadAccount* account_;
 };
+
+/// Runs f on a thread, within its account if it has one.
+template <class F>
+void accounted(ThreadAccount* account, F&& f) {
+  if (account != nullptr) account->begin();
+  f();
+  if (account != nullptr) account->end();
+}
 
 /// A session whose operations are sampled for latency; has the interface the integrators use.
 template <class Session>
 class TimedSession {
  public:
-  TimedSession(Session session, std::uint32_t every, std::uint64_t seed) noexcept
-      : session_(session), sampler_(every, seed) {}
+  TimedSession(Session session, std::uint32_t every, std::uint64_t seed,
+               ThreadAccount* account = nullptr) noexcept
+      : session_(session), sampler_(every, seed, account) {}
 
   /// Not timed: what it is given to do takes time of its own.
   template <class F>
@@ -93,10 +140,10 @@ class TimedSession {
     session_.visit(x, f);
   }
   std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
-    return sampler_.run(query_ticks, [&] { return session_.query(x); });
+    return sampler_.run(query_ticks, session_, [&] { return session_.query(x); });
   }
   InsertResult insert(const Record& r) noexcept {
-    return sampler_.run(insert_ticks, [&] { return session_.insert(r); });
+    return sampler_.run(insert_ticks, session_, [&] { return session_.insert(r); });
   }
 
   Histogram query_ticks;
@@ -123,6 +170,9 @@ FrameEnd timed_end(F&& end_frame) {
   return {std::chrono::duration<double, std::nano>(end - start).count(),
           1e9 * static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC};
 }
+
+/// A region of an accounted trial has ended, frame and all.
+void account_for(const TrialSetup& setup, const TeamTimes& times, const FrameEnd& end, TrialOutcome& out);
 
 /// What every kind of trial reports of its cache and its team.
 template <class Cache>

@@ -1,0 +1,116 @@
+#include "harness/held_thread.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <stdexcept>
+#include <system_error>
+
+namespace icbench {
+namespace {
+
+int signal_number() noexcept { return SIGRTMIN + 2; }  // no library of ours uses it
+
+double now_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
+}
+
+void await(sem_t& semaphore) noexcept {
+  while (sem_wait(&semaphore) != 0) {
+    // Interrupted by a signal of somebody else's.
+  }
+}
+
+}  // namespace
+
+std::atomic<HeldThread*> HeldThread::current_{nullptr};
+
+HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
+  static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<HeldThread*>::is_always_lock_free,
+                "the handler uses them");
+  if (pipe(release_) != 0)
+    throw std::runtime_error(fmt::format("cannot make a pipe: {}; close some files or raise ulimit -n",
+                                         std::generic_category().message(errno)));
+  sem_init(&attached_, 0, 0);
+  sem_init(&answered_, 0, 0);
+  HeldThread* none = nullptr;
+  // release: the handler, on any thread, sees a whole object. relaxed: nothing is read on failure.
+  if (!current_.compare_exchange_strong(none, this, std::memory_order_release, std::memory_order_relaxed)) {
+    close(release_[0]);
+    close(release_[1]);
+    throw std::runtime_error("a thread is being held already; one at a time");
+  }
+  struct sigaction action {};
+  action.sa_handler = [](int number) { handle(number); };
+  action.sa_flags = SA_RESTART;  // waits that are interrupted go on
+  sigemptyset(&action.sa_mask);
+  sigaction(signal_number(), &action, &before_);
+}
+
+HeldThread::~HeldThread() {
+  sigaction(signal_number(), &before_, nullptr);
+  // release: who makes the next one finds this one finished.
+  current_.store(nullptr, std::memory_order_release);
+  sem_destroy(&attached_);
+  sem_destroy(&answered_);
+  close(release_[0]);
+  close(release_[1]);
+}
+
+void HeldThread::attach() noexcept {
+  thread_ = static_cast<pid_t>(syscall(SYS_gettid));
+  sem_post(&attached_);
+}
+
+void HeldThread::ended() noexcept {
+  // acq_rel: the first one to end tells the others, once.
+  if (is_over_.exchange(true, std::memory_order_acq_rel /* H1 */)) return;
+  const char byte = 0;
+  // A pipe takes one byte for certain; if it did not, the hold would end by its time.
+  [[maybe_unused]] const ssize_t written = write(release_[1], &byte, 1);
+  over_.release();
+}
+
+bool HeldThread::await_attached() {
+  await(attached_);
+  return !is_over_.load(std::memory_order_acquire /* H1 */);
+}
+
+bool HeldThread::hold() {
+  if (syscall(SYS_tgkill, getpid(), thread_, signal_number()) != 0) return false;
+  await(answered_);
+  if (!was_held_) {
+    ++missed_;
+    return false;
+  }
+  ++holds_;
+  held_ns_ += last_ns_;
+  return true;
+}
+
+void HeldThread::handle(int) noexcept {
+  const int saved = errno;
+  if (HeldThread* self = current_.load(std::memory_order_acquire)) self->stop_here();
+  errno = saved;
+}
+
+void HeldThread::stop_here() noexcept {
+  // relaxed: written by this very thread. acquire: H1.
+  was_held_ =
+      in_operation_.load(std::memory_order_relaxed) && !is_over_.load(std::memory_order_acquire /* H1 */);
+  if (was_held_) {
+    const double begin = now_ns();
+    pollfd released{release_[0], POLLIN, 0};
+    poll(&released, 1, hold_ms_);
+    last_ns_ = now_ns() - begin;
+  }
+  sem_post(&answered_);
+}
+
+}  // namespace icbench

@@ -1,0 +1,77 @@
+// Stops a thread in the middle of what it does, for a set time: a preemption on purpose.
+//
+// The thread marks where it is (in an operation or between two); another one sends it a signal at a moment of its own
+// choosing, and the handler, which runs wherever the thread was interrupted, holds it there if that was in an operation.
+// The hold is timed by poll on a pipe, and ends early when the pipe is written to. Everything the handler calls is
+// async-signal-safe: poll, clock_gettime, sem_post and lock-free atomics.
+//
+// One object at a time in a process: a signal's handler has no other way to its object.
+#pragma once
+
+#include <semaphore.h>
+#include <sys/types.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <semaphore>
+
+namespace icbench {
+
+class HeldThread {
+ public:
+  /// Installs the handler. `hold_ms` in 1 .. 60,000. Throws std::runtime_error if there is one already or the system
+  /// gives no pipe.
+  explicit HeldThread(unsigned hold_ms);
+  ~HeldThread();
+  HeldThread(const HeldThread&) = delete;
+  HeldThread& operator=(const HeldThread&) = delete;
+
+  // By the thread that is to be held.
+  void attach() noexcept;
+  void mark(bool in_operation) noexcept {
+    // relaxed: read by a handler that runs on this very thread.
+    in_operation_.store(in_operation, std::memory_order_relaxed);
+    std::atomic_signal_fence(std::memory_order_seq_cst);  // not before or after what it marks
+  }
+
+  /// By any thread of the team whose region is over: nobody is held from then on, and who is goes on.
+  void ended() noexcept;
+
+  // By the thread that holds it.
+  /// Waits for attach. False if the region was over first.
+  bool await_attached();
+  /// Waits for `pause`. False if the region is over by then.
+  bool pause(std::chrono::nanoseconds pause) { return !over_.try_acquire_for(pause); }
+  /// Interrupts the thread; returns when it has answered, which is after the hold. True if it was held, false if it was
+  /// between operations.
+  bool hold();
+
+  unsigned holds() const noexcept { return holds_; }
+  unsigned missed() const noexcept { return missed_; }  ///< attempts that found it between operations
+  double held_ns() const noexcept { return held_ns_; }  ///< in all
+
+ private:
+  static void handle(int) noexcept;
+  void stop_here() noexcept;
+
+  static std::atomic<HeldThread*> current_;
+
+  int hold_ms_;
+  int release_[2] = {-1, -1};
+  struct sigaction before_ {};
+  sem_t attached_, answered_;
+  std::binary_semaphore over_{0};
+  // H1  ended: is_over_ exchange -> hold: load; nothing but that the region is over.
+  std::atomic<bool> is_over_{false};
+  std::atomic<bool> in_operation_{false};
+  pid_t thread_ = 0;  // published by attached_
+  // Written by the handler, read after answered_, which orders them.
+  bool was_held_ = false;
+  double last_ns_ = 0.0;
+  unsigned holds_ = 0, missed_ = 0;
+  double held_ns_ = 0.0;
+};
+
+}  // namespace icbench

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Counters that are compiled out leave no trace: a query's machine code is the same when nothing is handed to them, and
+they are nothing.
+
+Compiles one query twice with the flags of the build: against the headers as they are, and against a copy whose counts
+are all of 0, by a policy that is empty by definition. Then compares the disassembly. A control with counters on must
+differ. What a counter beside the policy would do, write to memory, caches_hard_cases_test looks for.
+
+Environment: COMMANDS, the build's compile_commands.json; SOURCES, the folder src.
+"""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+COMMANDS = Path(os.environ.get("COMMANDS", ROOT / "build/release/compile_commands.json"))
+SOURCES = Path(os.environ.get("SOURCES", ROOT / "src"))
+# Of the statement that counts, up to its semicolon; no count's argument holds one.
+COUNTING = re.compile(r"(\.template\s+add<\s*&Counts::\w+\s*>)\([^;]*\);")
+POLICY = re.compile(r"^class NoCounters \{.*?^\};", re.DOTALL | re.MULTILINE)
+EMPTY = """class NoCounters {
+ public:
+  static constexpr bool kOn = false;
+  template <auto Field>
+  void add(std::uint64_t) noexcept {}
+  Counts counts() const noexcept { return {}; }
+  void reset() noexcept {}
+};"""
+QUERY = """
+#include "caches/direct.h"
+#include "caches/packed_octree.h"
+#include "caches/ward_tree.h"
+using namespace icbench;
+using Ward = Direct<WardTree<StdSync>, {counters}>;
+using Packed_ = Direct<Packed<StdSync>, {counters}>;
+extern "C" bool ask_ward(Ward::Session& s, const SurfacePoint& x, Irradiance& out) {{
+  const auto E = s.query(x);
+  if (E) out = *E;
+  return E.has_value();
+}}
+extern "C" bool ask_packed(Packed_::Session& s, const SurfacePoint& x, Irradiance& out) {{
+  const auto E = s.query(x);
+  if (E) out = *E;
+  return E.has_value();
+}}
+"""
+
+
+def flags():
+    """Compiler and flags that the release build gives a cache, without its precompiled headers and its output."""
+    for entry in json.loads(COMMANDS.read_text()):
+        if entry["file"].endswith("packed_filter.cpp"):
+            words = shlex.split(entry["command"])
+            break
+    else:
+        raise AssertionError(f"{COMMANDS} does not say how packed_filter.cpp is compiled")
+    while os.path.basename(words[0]) in ("ccache", "sccache"):
+        words.pop(0)
+    kept, skip = [], False
+    for word in words:
+        if skip or word in ("-c", "-Winvalid-pch"):
+            skip = False
+        elif word in ("-o", "-include", "-MF", "-MT", "-I", "-Xclang"):
+            skip = True
+        elif not word.startswith(("-I", "-MD", "-M")) and not word.endswith(".cpp") and "cmake_pch" not in word:
+            kept.append(word)
+    return kept
+
+
+def without_counting(folder):
+    """A copy of core and caches in which nothing is counted; returns how many counts there were."""
+    found = 0
+    for part in ("core", "caches"):
+        shutil.copytree(SOURCES / part, folder / part)
+        for path in (folder / part).glob("*.h"):
+            text, n = COUNTING.subn(r"\1(0);", path.read_text())
+            if path.name == "counters.h":
+                text, policies = POLICY.subn(EMPTY, text)
+                assert policies == 1, "core/counters.h has no class NoCounters"
+            path.write_text(text)
+            found += n
+    return found
+
+
+def functions(include, counters, folder, name):
+    """Instructions of each function of the query's object, with addresses replaced by where they are within it."""
+    source = folder / f"{name}.cpp"
+    source.write_text(QUERY.format(counters=counters))
+    made = folder / f"{name}.o"
+    subprocess.run([*flags(), "-w", "-g0", "-I", include, "-c", source, "-o", made], check=True, timeout=300)
+    said = subprocess.run(["objdump", "-dr", "--no-show-raw-insn", "--no-addresses", made], check=True, text=True,
+                          capture_output=True).stdout
+    found, current = {}, None
+    for line in said.splitlines():
+        start = re.match(r"<(.+)>:$", line.strip())
+        if start:
+            current = found.setdefault(start[1], [])
+        elif current is not None and line.strip():
+            current.append(re.sub(r"\s+", " ", re.sub(r"#.*", "", line)).strip())
+    return found
+
+
+@unittest.skipUnless(shutil.which("objdump"), "no objdump; install binutils")
+class Counters(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="icbench-counters-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        cls.counts = without_counting(cls.folder / "src")
+        cls.bare = functions(cls.folder / "src", "NoCounters", cls.folder, "bare")
+
+    def test_the_copy_counts_nothing(self):
+        self.assertGreater(self.counts, 20)
+        for path in (self.folder / "src").rglob("*.h"):
+            handed = re.findall(r"\.template\s+add<\s*&Counts::\w+\s*>\((?!0\))", path.read_text())
+            self.assertEqual(handed, [], path.name)
+
+    def test_a_query_without_counters_is_the_code_without_counting(self):
+        real = functions(SOURCES, "NoCounters", self.folder, "real")
+        for name in ("ask_ward", "ask_packed"):
+            self.assertGreater(len(real[name]), 20, name)
+        self.assertEqual(set(real), set(self.bare))
+        for name, code in real.items():
+            self.assertEqual(code, self.bare[name], name)
+
+    def test_a_query_with_counters_is_not(self):
+        self.assertNotEqual(functions(SOURCES, "WithCounters", self.folder, "counted")["ask_packed"],
+                            self.bare["ask_packed"])
+
+
+if __name__ == "__main__":
+    unittest.main()
