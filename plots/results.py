@@ -172,6 +172,11 @@ def read_json(path: Path, made_by: str, expected: str):
         raise InputError(f"{path}: not JSON ({where}); {expected} is expected") from None
 
 
+def is_simulated(entry: dict) -> bool:
+    """Whether an entry comes from icbench simulate: no measurement, and never drawn as one."""
+    return bool(entry.get("simulated")) or str(entry.get("name", "")).startswith("simulate/")
+
+
 def _read(path: Path) -> tuple[dict, list]:
     data = read_json(path, "icbench sweep --out FILE", "a results file of icbench")
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
@@ -179,7 +184,10 @@ def _read(path: Path) -> tuple[dict, list]:
                          "expected")
     if not isinstance(data.get("context"), dict):
         raise InputError(f"{path}: no \"context\"; without it nobody knows which machine this was")
-    return data["context"], [entry for entry in data["benchmarks"] if isinstance(entry, dict)]
+    entries = [entry for entry in data["benchmarks"] if isinstance(entry, dict)]
+    if entries and all(map(is_simulated, entries)):
+        raise InputError(f"{path}: simulated, not measured; plots/simulated.py draws it")
+    return data["context"], entries
 
 
 def _infer_kind(workload: str, scene) -> str:
@@ -191,7 +199,11 @@ def _infer_kind(workload: str, scene) -> str:
 
 def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path) -> pd.DataFrame:
     """The usable repetitions of one file with the columns of this module, typed, absent numbers as NaN."""
-    rows = pd.DataFrame.from_records([e for e in entries if e.get("run_type", "iteration") == "iteration"])
+    measured = [e for e in entries if not is_simulated(e)]
+    if len(measured) < len(entries):
+        remarks.append(f"{len(entries) - len(measured)} simulated rows of {path.name} are left out: they were not "
+                       "measured; plots/simulated.py draws them")
+    rows = pd.DataFrame.from_records([e for e in measured if e.get("run_type", "iteration") == "iteration"])
     if rows.empty:
         return rows
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
@@ -249,7 +261,7 @@ def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-").lower() or "setup"
 
 
-def _useful_rate(rows: pd.DataFrame) -> pd.Series:
+def useful_rate(rows: pd.DataFrame) -> pd.Series:
     """Operations per second that count as work done.
 
     Where inserts come from misses, a cache that makes threads compute the same record twice also makes them insert it
@@ -293,7 +305,7 @@ def load(paths) -> list[Setup]:
             rows = rows[~again].reset_index(drop=True)
         several = rows["placement"].nunique() > 1
         names = {w: workload_label(w) for w in rows["workload"].unique()}
-        rows["items_per_second"] = _useful_rate(rows)
+        rows["items_per_second"] = useful_rate(rows)
         rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
         setup.rows = rows
         keys = set().union(*setup.contexts) - kFreeKeys

@@ -36,19 +36,19 @@ using Clock = std::chrono::steady_clock;
 constexpr const char* kFormat = "icbench calibration of simulations";
 constexpr int kVersion = 1;
 
-/// Low quantile of repeated short measurements: what is longer was disturbed.
-double undisturbed(std::vector<double> samples) { return quantile(samples, 0.25); }
+/// Low quantile of many short measurements: what is longer was disturbed.
+double undisturbed(const std::vector<double>& samples) { return quantile(samples, 0.1); }
 
 /// Nanoseconds a turn of `f`, which is called `turns` times for each sample.
 template <class F>
-double time_of(unsigned turns, F&& f) {
-  std::vector<double> samples;
-  for (int i = 0; i < 50; ++i) {
+double time_of(unsigned turns, unsigned samples, F&& f) {
+  std::vector<double> ns;
+  for (unsigned i = 0; i < samples; ++i) {
     const auto start = Clock::now();
     for (unsigned turn = 0; turn < turns; ++turn) f();
-    samples.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / turns);
+    ns.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / turns);
   }
-  return undisturbed(samples);
+  return undisturbed(ns);
 }
 
 struct alignas(kNoSharing) Word {
@@ -61,28 +61,30 @@ long futex(Word& word, int operation, int value) {
                  nullptr, nullptr, 0);
 }
 
-/// One way: two threads add to a word in turns.
+/// One way: two threads take turns at a word, and one of them tells how long a round takes.
 double measured_transfer(ThreadTeam& two) {
-  constexpr int kRounds = 2'000, kTries = 40;
+  constexpr int kRounds = 20'000;
   Word word;
   std::vector<double> samples;
-  for (int i = 0; i < kTries; ++i) {
-    word.value.store(0, std::memory_order_relaxed);  // relaxed: the team orders what lies between its runs
-    const TeamTimes times = two.run([&](unsigned t) {
-      for (int round = 0; round < kRounds; ++round) {
-        const int mine = 2 * round + static_cast<int>(t);
-        int expected = mine;
-        // Acquire and release as a lock's word has them. There is no data beside it.
-        for (unsigned turn = 0; !word.value.compare_exchange_strong(
-                 expected, mine + 1, std::memory_order_acq_rel, std::memory_order_relaxed);
-             ++turn) {
-          expected = mine;
-          while (word.value.load(std::memory_order_relaxed) != mine) NoHooks::wait_turn(turn++);
-        }
+  const TickRate rate = calibrate_ticks();
+  two.run([&](unsigned t) {
+    std::uint64_t last = ticks();
+    for (int round = 0; round < kRounds; ++round) {
+      const int mine = 2 * round + static_cast<int>(t);
+      for (int expected = mine;; expected = mine) {
+        for (unsigned turn = 0; word.value.load(std::memory_order_relaxed) != mine; ++turn)
+          NoHooks::wait_turn(turn);
+        // Acquire and release as a lock's word has them, relaxed where it has: there is no data beside it.
+        if (word.value.compare_exchange_strong(expected, mine + 1, std::memory_order_acq_rel,
+                                               std::memory_order_relaxed))
+          break;
       }
-    });
-    samples.push_back(static_cast<double>(times.wall_ns()) / (2 * kRounds));
-  }
+      if (t != 0) continue;
+      const std::uint64_t now = ticks();
+      samples.push_back(0.5 * rate.to_ns(now - last));
+      last = now;
+    }
+  });
   return undisturbed(samples);
 }
 
@@ -387,11 +389,12 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
     c.is_transfer_measured = true;
     measure_waking(two, c.waits);
   }
-  c.waits.pause_ns = time_of(1000, [] { spin_pause(); });
-  c.waits.yield_ns = time_of(100, [] { std::this_thread::yield(); });
+  c.waits.pause_ns = time_of(100, 500, [] { spin_pause(); });
   Word word;
-  c.waits.park_ns = time_of(100, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
-  c.waits.start_ns = time_of(1, [] { std::jthread([] {}); });
+  c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
+  // A call that returns at once, as this one does where nobody is there to run; here somebody may be.
+  c.waits.yield_ns = c.waits.park_ns;
+  c.waits.start_ns = time_of(1, 50, [] { std::jthread([] {}); });
 
   const WorkloadSpec spec = parse_workload("read_only:records=1000:operations=200000");
   const RayTracer rays(make_scene(spec.scene));
