@@ -15,12 +15,15 @@ namespace icbench {
 namespace {
 
 constexpr std::uint64_t kSeed = 5;
+/// Who waits notices at once.
+constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 
 /// Every query and insert takes as long as every other.
 CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
   CacheCosts c;
-  c.query = SizeCost({query_ns});
-  c.insert = SizeCost({insert_ns});
+  c.alone.query = SizeCost({query_ns});
+  c.alone.insert = SizeCost({insert_ns});
+  c.in_turns = c.alone;
   c.outside_query_ns = c.outside_insert_ns = outside_ns;
   return c;
 }
@@ -33,13 +36,13 @@ MachineModel machine_of(unsigned cores, double transfer_ns) {
 }
 
 SimulatedOutcome run(const SyntheticPlan& plan, std::string_view name, const MachineModel& machine,
-                     const CacheCosts& costs, std::uint64_t seed = kSeed) {
+                     const CacheCosts& costs, std::uint64_t seed = kSeed, const WaitCosts& waits = kAtOnce) {
   const auto program = simulated_program(plan, machine.cores, seed);
   const CacheEntry& entry = find_cache(name);
   const Mechanism mechanism = mechanism_of(entry.traits);
   const auto cache = mechanism.locks_nodes ? make_logged_node_locks(program->config(machine.cores))
                                            : entry.stepped(program->config(machine.cores));
-  return simulate(*program, *cache, {machine, WaitCosts{}, costs, mechanism, seed});
+  return simulate(*program, *cache, {machine, waits, costs, mechanism, seed});
 }
 
 /// `n` points so far apart that a record answers at its own only.
@@ -234,7 +237,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
            {"transfer_ns", {1.0, 2.0}},
            {"waits", 3},
            {"harness_query_ns", -1.0},
-           {"costs", {{"a", {{"query_ns", nlohmann::ordered_json::array()}}}}},
+           {"costs", {{"a", {{"alone", 3}}}}},
            {"validation", {{"threads", "two"}}}}) {
     nlohmann::ordered_json damaged = c.to_json();
     damaged[key] = value;

@@ -71,7 +71,6 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
                                                      : "miss_driven:cost=10";
   for (const std::string& text : split_list("--workloads", workloads)) {
     r.workloads.push_back(parse_workload(text));
-    require_simulated(r.workloads.back());
   }
   r.caches = o.caches == "all" ? all_but_the_oracle() : split_list("--caches", o.caches);
   for (const std::string& name : r.caches) find_cache(name);
@@ -96,6 +95,7 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   r.machine.cores_per_socket = o.socket_cores;
   r.seed = o.seed;
   r.calibration_path = o.calibration.empty() ? default_calibration_path() : o.calibration;
+  require_simulated(r);
   return r;
 }
 
@@ -227,6 +227,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
 void simulate_command(const SimulateOptions& o) {
   const Topology topology = Topology::of_this_process();
   SimulationRequest request = request_of(o, topology);
+  require_writable("--out", o.out);
   RunInfo info;
   info.command_line = command_line();
   info.seed = o.seed;
@@ -259,9 +260,9 @@ void simulate_command(const SimulateOptions& o) {
                                                 {"caches", r.caches},
                                                 {"cores", r.cores},
                                                 {"seed", r.seed}};
-  ResultsWriter results(o.out, context, configuration);
   simulation.complete_calibration(
       [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
+  ResultsWriter results(o.out, context, configuration);
   if (o.validate) return validate(simulation, topology, o, results);
 
   const std::vector<SimulationPoint> points = simulation.points();
@@ -281,15 +282,12 @@ void add_simulate(CLI::App& app) {
   CLI::App* simulate =
       app.add_subcommand("simulate", "Run caches in virtual time on cores that are not there");
   simulate->footer(
-      "Executes each cache's real operations, each virtual thread seeing what it would see at its virtual "
-      "time, and\n"
-      "adds up what operations, locks and cache lines cost. Costs are measured on one thread when first "
-      "needed and\n"
-      "kept in the calibration file, which every result names. Rows are marked as simulated, and say up to "
-      "how many\n"
-      "threads --validate has compared such figures with measured ones; 0 where it has not, or they were too "
-      "far off.\n"
-      "Threads beyond cores, and bandwidth and caches that cores share, are not simulated.");
+      "Executes each cache's real operations, each virtual thread seeing what it would see at its virtual\n"
+      "time, and adds up what operations, locks and cache lines cost. Costs are measured on one thread\n"
+      "when first needed and kept in the calibration file, which every result names. Rows are marked as\n"
+      "simulated, and say up to how many threads --validate has found such figures near measured ones; 0\n"
+      "where it has not, or they were too far off. Not simulated: threads beyond cores, and the bandwidth\n"
+      "and the caches that cores share.");
   simulate
       ->add_option("--cores", o->cores, "Virtual cores with a thread each, 1 to 1024, separated by commas")
       ->type_name("LIST")

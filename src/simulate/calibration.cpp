@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <chrono>
@@ -144,6 +145,7 @@ constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},
                                 {"wake_delay_ns", &WaitCosts::wake_delay_ns},
                                 {"pause_ns", &WaitCosts::pause_ns},
                                 {"yield_ns", &WaitCosts::yield_ns},
+                                {"clock_ns", &WaitCosts::clock_ns},
                                 {"start_ns", &WaitCosts::start_ns}};
 
 Calibration parse(const Json& j) {
@@ -191,125 +193,200 @@ Calibration parse(const Json& j) {
 }
 
 /// Samples of one kind of operation.
-struct Samples {
-  struct One {
-    unsigned size_class;
-    unsigned valid;
-    double ns;
-  };
-  std::vector<One> all;
-
-  void add(std::uint64_t records, std::uint64_t valid, double ns) {
-    all.push_back({static_cast<unsigned>(std::bit_width(records + 1) - 1), static_cast<unsigned>(valid), ns});
+class Samples {
+ public:
+  void add(std::uint64_t records, std::uint64_t valid, std::uint64_t fresh, double ns) {
+    all_.push_back({static_cast<unsigned>(std::bit_width(records + 1) - 1), static_cast<double>(valid),
+                    static_cast<double>(fresh), ns});
   }
 
-  /// Mean by class of size at no valid record, and what each valid one adds. Samples that are far longer than others
-  /// of their class were interrupted.
-  SizeCost fit(double& valid_ns) {
-    if (all.empty()) return SizeCost({0.0});
+  /// Mean by class of size at no valid record, and by least squares what each valid one and each one that is seen first
+  /// adds. Samples that are far longer than others of their class were interrupted.
+  SizeCost fit(double& valid_ns, double& fresh_ns) {
+    valid_ns = fresh_ns = 0.0;
+    if (all_.empty()) return SizeCost({0.0});
     unsigned most = 0;
-    for (const One& s : all) most = std::max(most, s.size_class);
+    for (const One& s : all_) most = std::max(most, s.size_class);
     std::vector<std::vector<double>> by_class(most + 1);
-    for (const One& s : all) by_class[s.size_class].push_back(s.ns);
+    for (const One& s : all_) by_class[s.size_class].push_back(s.ns);
     std::vector<double> limits;
     for (const auto& ns : by_class) limits.push_back(ns.empty() ? 0.0 : 12.0 * median(ns));
-    std::erase_if(all, [&](const One& s) { return s.ns > limits[s.size_class]; });
+    std::erase_if(all_, [&](const One& s) { return s.ns > limits[s.size_class]; });
 
-    std::vector<double> count(most + 1), valid(most + 1), ns(most + 1);
-    for (const One& s : all) {
-      count[s.size_class] += 1.0;
-      valid[s.size_class] += s.valid;
-      ns[s.size_class] += s.ns;
+    struct Mean {
+      double count = 0.0, valid = 0.0, fresh = 0.0, ns = 0.0;
+    };
+    std::vector<Mean> means(most + 1);
+    for (const One& s : all_) {
+      Mean& m = means[s.size_class];
+      m.count += 1.0;
+      m.valid += s.valid;
+      m.fresh += s.fresh;
+      m.ns += s.ns;
     }
-    for (unsigned k = 0; k <= most; ++k) {
-      if (count[k] == 0.0) continue;
-      valid[k] /= count[k];
-      ns[k] /= count[k];
+    for (Mean& m : means) {
+      if (m.count == 0.0) continue;
+      m.valid /= m.count;
+      m.fresh /= m.count;
+      m.ns /= m.count;
     }
-    double joint = 0.0, square = 0.0;
-    for (const One& s : all) {
-      joint += (s.valid - valid[s.size_class]) * (s.ns - ns[s.size_class]);
-      square += (s.valid - valid[s.size_class]) * (s.valid - valid[s.size_class]);
+    double vv = 0.0, ff = 0.0, vf = 0.0, vn = 0.0, fn = 0.0;
+    for (const One& s : all_) {
+      const Mean& m = means[s.size_class];
+      const double v = s.valid - m.valid, f = s.fresh - m.fresh, n = s.ns - m.ns;
+      vv += v * v;
+      ff += f * f;
+      vf += v * f;
+      vn += v * n;
+      fn += f * n;
     }
-    valid_ns = square > 0.0 ? std::max(0.0, joint / square) : 0.0;
+    const double determinant = vv * ff - vf * vf;
+    if (determinant > 1e-9 * vv * ff) {
+      valid_ns = (vn * ff - fn * vf) / determinant;
+      fresh_ns = (fn * vv - vn * vf) / determinant;
+    } else if (vv > 0.0) {
+      valid_ns = vn / vv;
+    }
+    valid_ns = std::max(valid_ns, 0.0);
+    fresh_ns = std::max(fresh_ns, 0.0);
     std::vector<double> out(most + 1, -1.0);
-    for (unsigned k = 0; k <= most; ++k)
-      if (count[k] != 0.0) out[k] = std::max(0.0, ns[k] - valid_ns * valid[k]);
-    // Classes without a sample take the next one's that has some, the last ones the one before.
+    for (unsigned k = 0; k <= most; ++k) {
+      const Mean& m = means[k];
+      if (m.count != 0.0) out[k] = std::max(0.0, m.ns - valid_ns * m.valid - fresh_ns * m.fresh);
+    }
+    // Classes without a sample take the next one's that has some.
     for (unsigned k = most; k-- > 0;)
       if (out[k] < 0.0) out[k] = out[k + 1];
     return SizeCost(std::move(out));
   }
+
+ private:
+  struct One {
+    unsigned size_class;
+    double valid, fresh, ns;
+  };
+  std::vector<One> all_;
 };
 
-/// Runs the program by one thread and times every operation.
-void sample(const SimulatedProgram& program, SteppedCache& cache, const Mechanism& mechanism,
-            Samples& queries, Samples& inserts) {
-  const TickRate rate = calibrate_ticks();
-  double overhead = 1e9;
-  for (int i = 0; i < 1000; ++i) {
-    const std::uint64_t start = ticks();
-    overhead = std::min(overhead, static_cast<double>(ticks() - start));
-  }
-  AnySession& session = cache.session(0);
-  std::uint64_t stored = 0, own = 0;
-  const auto visible = [&] { return mechanism.searches_own ? own : stored; };
-  const auto timed = [&](auto&& operation) {
-    const std::uint64_t start = ticks();
-    operation();
-    return std::max(0.0, rate.ns_per_tick * (static_cast<double>(ticks() - start) - overhead));
-  };
-  bool is_first = true;
-  for (const SimulatedSegment& segment : program.segments()) {
-    if (segment.is_fresh) {
-      if (!std::exchange(is_first, false)) cache.clear();
-      for (const Record& r : segment.given) session.insert(r);
-      cache.end_frame();
-      stored = segment.given.size();
+/// Runs a program on one core, or on several that take turns, and times every operation.
+class Sampler {
+ public:
+  Sampler(const SimulatedProgram& program, SteppedCache& cache, const Mechanism& mechanism, ThreadTeam& team)
+      : program_(program),
+        cache_(cache),
+        mechanism_(mechanism),
+        team_(team),
+        own_(team.size()),
+        fresh_(team.size()) {
+    for (int i = 0; i < 1000; ++i) {
+      const std::uint64_t start = ticks();
+      overhead_ = std::min(overhead_, static_cast<double>(ticks() - start));
     }
-    cache.begin_frame();
-    own = 0;
-    for (const Trace::Range chunk : segment.chunks) {
-      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
-        const SimulatedOperation what = program.operation(i);
-        const auto insert = [&] {
-          const Record record = program.record(i);
-          InsertResult result{};
-          const std::uint64_t before = visible();
-          const double ns = timed([&] { result = session.insert(record); });
-          inserts.add(before, 0, ns);
-          own += result == InsertResult::inserted;
-          stored += result == InsertResult::inserted;
-        };
-        if (what.query == nullptr) {
-          insert();
-          continue;
-        }
-        struct Shown {
-          std::uint64_t valid = 0;
-          Interpolator interpolator;
-        };
-        const auto ask = [&] {
-          Shown shown;
-          const double ns = timed([&] {
-            session.visit(*what.query, {[](void* context, const Record& r, float weight) noexcept {
-                                          auto& s = *static_cast<Shown*>(context);
-                                          ++s.valid;
-                                          s.interpolator(r, weight);
-                                        },
-                                        &shown});
-          });
-          queries.add(visible(), shown.valid, ns);
-          return shown.valid != 0;
-        };
-        if (ask() && !what.refuses_answer) continue;
-        if (what.asks_neighbours) ask();
-        if (what.inserts) insert();
+  }
+
+  OperationCosts run() {
+    for (unsigned t = 0; t < team_.size(); ++t) cache_.prefault(t, program_.config(1).capacity / 16 + 1);
+    bool is_first = true;
+    for (const SimulatedSegment& segment : program_.segments()) {
+      if (segment.is_fresh) {
+        if (!std::exchange(is_first, false)) cache_.clear();
+        for (const Record& r : segment.given) cache_.session(0).insert(r);
+        cache_.end_frame();
+        stored_ = merged_ = segment.given.size();
       }
+      run_segment(segment);
     }
-    cache.end_frame();
+    OperationCosts out;
+    double unused_valid = 0.0, unused_fresh = 0.0;
+    out.query = queries_.fit(out.valid_ns, out.fresh_ns);
+    out.insert = inserts_.fit(unused_valid, unused_fresh);
+    return out;
   }
-}
+
+ private:
+  // So many operations that what the hand-over costs does not count.
+  static constexpr std::size_t kTurn = 64;
+
+  void run_segment(const SimulatedSegment& segment) {
+    std::vector<std::uint32_t> operations;
+    for (const Trace::Range chunk : segment.chunks)
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) operations.push_back(i);
+    cache_.begin_frame();
+    std::fill(own_.begin(), own_.end(), 0);
+    fresh_.clear();
+    Word turns;
+    team_.run([&](unsigned t) {
+      for (std::size_t turn = t; turn * kTurn < operations.size(); turn += team_.size()) {
+        // Acquire, release: whose turn it is has everything to itself, the samples included.
+        for (unsigned i = 0; turns.value.load(std::memory_order_acquire) != static_cast<int>(turn); ++i)
+          NoHooks::wait_turn(i);
+        const std::size_t end = std::min(operations.size(), (turn + 1) * kTurn);
+        for (std::size_t i = turn * kTurn; i < end; ++i) run_operation(t, operations[i]);
+        turns.value.store(static_cast<int>(turn + 1), std::memory_order_release);
+      }
+    });
+    cache_.end_frame();
+    merged_ = stored_;
+  }
+
+  void run_operation(unsigned t, std::uint32_t i) {
+    const SimulatedOperation what = program_.operation(i);
+    if (what.query == nullptr) return insert(t, i);
+    if (ask(t, *what.query) && !what.refuses_answer) return;
+    if (what.asks_neighbours) ask(t, *what.query);
+    if (what.inserts) insert(t, i);
+  }
+
+  bool ask(unsigned t, const SurfacePoint& x) {
+    struct Shown {
+      std::array<std::uint32_t, 64> ids;
+      std::uint32_t valid = 0;
+      Interpolator interpolator;
+    } shown;
+    const std::uint64_t start = ticks();
+    cache_.session(t).visit(x, {[](void* context, const Record& r, float weight) noexcept {
+                                  auto& s = *static_cast<Shown*>(context);
+                                  s.ids[s.valid++ % s.ids.size()] = r.id;
+                                  s.interpolator(r, weight);
+                                },
+                                &shown});
+    const double ns = elapsed(start);
+    std::uint64_t fresh = 0;
+    for (std::uint32_t k = 0; k < std::min<std::size_t>(shown.valid, shown.ids.size()); ++k)
+      fresh += fresh_.see(shown.ids[k], t) != FreshRecords::kNobody;
+    queries_.add(visible(t), shown.valid, fresh, ns);
+    return shown.valid != 0;
+  }
+
+  void insert(unsigned t, std::uint32_t i) {
+    const Record record = program_.record(i);
+    const std::uint64_t before = visible(t), start = ticks();
+    const InsertResult result = cache_.session(t).insert(record);
+    inserts_.add(before, 0, 0, elapsed(start));
+    if (result != InsertResult::inserted) return;
+    ++own_[t];
+    ++stored_;
+    if (!mechanism_.sees_own_only) fresh_.add(record.id, t);
+  }
+
+  std::uint64_t visible(unsigned t) const noexcept {
+    return mechanism_.searches_own ? own_[t] : mechanism_.sees_own_only ? merged_ + own_[t] : stored_;
+  }
+  double elapsed(std::uint64_t start) const noexcept {
+    return std::max(0.0, rate_.ns_per_tick * (static_cast<double>(ticks() - start) - overhead_));
+  }
+
+  const SimulatedProgram& program_;
+  SteppedCache& cache_;
+  const Mechanism& mechanism_;
+  ThreadTeam& team_;
+  const TickRate rate_ = calibrate_ticks();
+  double overhead_ = 1e9;
+  std::vector<std::uint64_t> own_;
+  FreshRecords fresh_;
+  std::uint64_t stored_ = 0, merged_ = 0;
+  Samples queries_, inserts_;
+};
 
 }  // namespace
 
@@ -389,6 +466,10 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
     c.is_transfer_measured = true;
     measure_waking(two, c.waits);
   }
+  c.waits.clock_ns = time_of(100, 500, [] {
+    const auto now = Clock::now();
+    asm volatile("" ::"r"(&now) : "memory");
+  });
   c.waits.pause_ns = time_of(100, 500, [] { spin_pause(); });
   Word word;
   c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
@@ -421,10 +502,11 @@ std::string key_of(std::string_view cache, const std::string& workload) {
   return fmt::format("{} under {}", cache, workload);
 }
 
-CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& team,
-                           const Work& work, const Calibration& machine, std::uint64_t seed) {
+CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
+                           ThreadTeam* two, const Work& work, const Calibration& machine,
+                           std::uint64_t seed) {
   const auto trial = [&](const CacheEntry& entry, std::uint64_t repetition) {
-    const TrialSetup setup{team, work, hash_keys(seed, repetition, 8)};
+    const TrialSetup setup{one, work, hash_keys(seed, repetition, 8)};
     const TrialOutcome o =
         plan.trace ? entry.trace(*plan.trace, setup) : entry.synthetic(*plan.synthetic, setup);
     if (!o.error.empty())
@@ -437,15 +519,12 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
   // The shape: one operation after the other.
   CacheCosts costs;
   const Mechanism mechanism = mechanism_of(cache.traits);
-  {
-    const auto stepped = cache.stepped(program->config(1));
-    stepped->prefault(0, program->config(1).capacity / 8);
-    Samples queries, inserts;
-    team.run([&](unsigned) { sample(*program, *stepped, mechanism, queries, inserts); });
-    double nothing = 0.0;
-    costs.query = queries.fit(costs.valid_ns);
-    costs.insert = inserts.fit(nothing);
-  }
+  const auto sampled = [&](ThreadTeam& team) {
+    const auto stepped = cache.stepped(program->config(team.size()));
+    return Sampler(*program, *stepped, mechanism, team).run();
+  };
+  costs.alone = costs.in_turns = sampled(one);
+  if (two != nullptr && !cache.traits.single_thread) costs.in_turns = sampled(*two);
   // Around it: the same with a cache that does nothing.
   constexpr std::uint64_t kTrials = 5;
   std::vector<double> around, whole, merges;
@@ -472,12 +551,7 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
   const SimulatedOutcome o = simulate(*program, *stepped, {alone, machine.waits, costs, mechanism, seed});
   const double modelled = o.wall_ns - o.merge_ns, measured = median(whole) - o.merge_ns;
   if (modelled > 0.0 && measured > 0.0) {
-    const double by = measured / modelled;
-    costs.query.scale(by);
-    costs.insert.scale(by);
-    costs.valid_ns *= by;
-    costs.outside_query_ns *= by;
-    costs.outside_insert_ns *= by;
+    costs.scale(measured / modelled);
   }
   return costs;
 }

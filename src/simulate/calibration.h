@@ -1,8 +1,9 @@
 // The calibration: what this machine's operations, locks and cache lines cost, measured once and kept in a file.
 //
 // Of the machine: a line's transfer between two cores (where it has two), sleeping, waking, spinning, starting a thread.
-// Of each cache and workload: queries and inserts on one thread, by records that are there, their sum matched to a real
-// trial; merging. Times are those of the thread's processor, so that other programs on the machine disturb little.
+// Of each cache and workload: queries and inserts by records that are there, on one core, and on two that take turns, so
+// that lines come from the other's cache while nobody is in anybody's way; their sum is matched to a real trial of one
+// thread; and merging. Times are those of the thread's processor, so that other programs on the machine disturb little.
 //
 // The file is JSON. One that is there is used as it is, whichever machine it is from, and gets costs that it lacks
 // added, if it is from this one. What a simulation is worth, the file knows as well: the outcome of a validation.
@@ -70,8 +71,8 @@ struct CalibratedPlan {
 std::string workload_key(const WorkloadSpec& spec);
 std::string key_of(std::string_view cache, const std::string& workload_key);
 
-/// Costs of a cache; `team` has one thread. Throws std::runtime_error if the cache broke its promise meanwhile.
-CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& team,
-                           const Work& work, const Calibration& machine, std::uint64_t seed);
+/// Costs of a cache; `one` has one thread, `two`, which may be null, has two on two cores. Throws std::runtime_error if the cache broke its promise meanwhile.
+CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
+                           ThreadTeam* two, const Work& work, const Calibration& machine, std::uint64_t seed);
 
 }  // namespace icbench

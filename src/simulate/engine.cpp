@@ -21,38 +21,73 @@ double SizeCost::at(std::uint64_t records) const noexcept {
   return ns_[static_cast<std::size_t>(low)] * (1.0 - part) + ns_[static_cast<std::size_t>(high)] * part;
 }
 
+OperationCosts CacheCosts::on(unsigned cores) const {
+  if (cores == 1) return alone;
+  OperationCosts out = in_turns;
+  const double share = 2.0 * (cores - 1) / cores;
+  const std::vector<double>&mine = alone.insert.ns(), &turns = in_turns.insert.ns();
+  std::vector<double> insert(std::max(mine.size(), turns.size()));
+  for (std::size_t k = 0; k < insert.size(); ++k) {
+    const double a = mine[std::min(k, mine.size() - 1)], b = turns[std::min(k, turns.size() - 1)];
+    insert[k] = a + share * std::max(0.0, b - a);
+  }
+  out.insert = SizeCost(std::move(insert));
+  return out;
+}
+
+void CacheCosts::scale(double by) {
+  for (OperationCosts* o : {&alone, &in_turns}) {
+    o->query.scale(by);
+    o->insert.scale(by);
+    o->valid_ns *= by;
+    o->fresh_ns *= by;
+  }
+  outside_query_ns *= by;
+  outside_insert_ns *= by;
+}
+
 nlohmann::ordered_json CacheCosts::to_json() const {
-  return {{"query_ns", query.ns()},
-          {"insert_ns", insert.ns()},
-          {"valid_ns", valid_ns},
+  const auto operations = [](const OperationCosts& o) {
+    return nlohmann::ordered_json{{"query_ns", o.query.ns()},
+                                  {"insert_ns", o.insert.ns()},
+                                  {"valid_ns", o.valid_ns},
+                                  {"fresh_ns", o.fresh_ns}};
+  };
+  return {{"alone", operations(alone)},
+          {"in_turns", operations(in_turns)},
           {"outside_query_ns", outside_query_ns},
           {"outside_insert_ns", outside_insert_ns},
           {"merge_record_ns", merge_record_ns}};
 }
 
-CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& j) {
-  const auto number = [](const nlohmann::ordered_json& value) {
+CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
+  using Json = nlohmann::ordered_json;
+  const auto field = [](const Json& j, const char* name) -> const Json& {
+    if (!j.is_object() || !j.contains(name)) throw std::runtime_error(fmt::format("there is no '{}'", name));
+    return j[name];
+  };
+  const auto number = [](const Json& value) {
     if (!value.is_number() || !(value.get<double>() >= 0.0))
       throw std::runtime_error("a cost is no number >= 0");
     return value.get<double>();
   };
-  const auto field = [&](const char* name) -> const nlohmann::ordered_json& {
-    if (!j.is_object() || !j.contains(name)) throw std::runtime_error(fmt::format("there is no '{}'", name));
-    return j[name];
-  };
-  const auto sizes = [&](const char* name) {
+  const auto sizes = [&](const Json& j, const char* name) {
     std::vector<double> ns;
-    for (const auto& value : field(name)) ns.push_back(number(value));
+    for (const auto& value : field(j, name)) ns.push_back(number(value));
     if (ns.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
     return SizeCost(std::move(ns));
   };
+  const auto operations = [&](const char* name) {
+    const Json& j = field(all, name);
+    return OperationCosts{sizes(j, "query_ns"), sizes(j, "insert_ns"), number(field(j, "valid_ns")),
+                          number(field(j, "fresh_ns"))};
+  };
   CacheCosts out;
-  out.query = sizes("query_ns");
-  out.insert = sizes("insert_ns");
-  out.valid_ns = number(field("valid_ns"));
-  out.outside_query_ns = number(field("outside_query_ns"));
-  out.outside_insert_ns = number(field("outside_insert_ns"));
-  out.merge_record_ns = number(field("merge_record_ns"));
+  out.alone = operations("alone");
+  out.in_turns = operations("in_turns");
+  out.outside_query_ns = number(field(all, "outside_query_ns"));
+  out.outside_insert_ns = number(field(all, "outside_insert_ns"));
+  out.merge_record_ns = number(field(all, "merge_record_ns"));
   return out;
 }
 
@@ -92,41 +127,6 @@ struct NodeLine {
   double from = 0.0, until = 0.0;
 };
 
-/// Who has read which of the records that were inserted since the last quiescent point.
-class FreshRecords {
- public:
-  explicit FreshRecords(unsigned cores) : words_((cores + 63) / 64) {}
-
-  void add(std::uint32_t id, unsigned core) {
-    const auto [at, is_new] = inserted_.try_emplace(id, Inserted{core, seen_.size()});
-    if (is_new) seen_.resize(seen_.size() + words_);
-    seen_[at->second.first + core / 64] |= std::uint64_t{1} << core % 64;
-  }
-  /// What `core` waits to read the record with that id.
-  double read(std::uint32_t id, unsigned core, const MachineModel& machine) {
-    const auto at = inserted_.find(id);
-    if (at == inserted_.end()) return 0.0;
-    std::uint64_t& word = seen_[at->second.first + core / 64];
-    const std::uint64_t bit = std::uint64_t{1} << core % 64;
-    if ((word & bit) != 0) return 0.0;
-    word |= bit;
-    return machine.transfer_ns(at->second.core, core);
-  }
-  void clear() {
-    inserted_.clear();
-    seen_.clear();
-  }
-
- private:
-  struct Inserted {
-    unsigned core;
-    std::size_t first;  // of its words in seen_
-  };
-  std::size_t words_;
-  std::unordered_map<std::uint32_t, Inserted> inserted_;
-  std::vector<std::uint64_t> seen_;
-};
-
 class Engine {
  public:
   Engine(const SimulatedProgram& program, SteppedCache& cache, const SimulatedSetup& setup)
@@ -135,6 +135,7 @@ class Engine {
         setup_(setup),
         machine_(setup.machine),
         mechanism_(setup.mechanism),
+        operations_(setup.costs.on(setup.machine.cores)),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
         lock_(make_lock(setup.mechanism.lock, setup.machine, setup.waits, setup.seed,
@@ -274,7 +275,7 @@ class Engine {
     out_.lock_wait_ns += waited;
     if (mechanism_.lock == LockKind::mutex || mechanism_.lock == LockKind::futex_rw)
       out_.busy_ns -= std::max(0.0, waited - setup_.waits.park_ns);  // asleep
-    go_in(t, *in);
+    go_in(t, *in + setup_.waits.clock_ns);
   }
 
   /// The operation begins; what it reads, it reads now.
@@ -331,8 +332,7 @@ class Engine {
                                                  auto& s = *static_cast<Shown*>(context);
                                                  ++s.valid;
                                                  if (s.engine->machine_.cores != 1)
-                                                   s.transfer_ns += s.engine->fresh_.read(r.id, s.core,
-                                                                                          s.engine->machine_);
+                                                   s.transfer_ns += s.engine->first_sight(r.id, s.core);
                                                },
                                                &shown});
     if (thread.stage == Stage::query) {
@@ -344,7 +344,7 @@ class Engine {
     if (mechanism_.has_clock) end = clock_.read(machine_, t, end);
     out_.transfer_ns += end - time;
     const double ns =
-        setup_.costs.query.at(visible(thread)) + setup_.costs.valid_ns * static_cast<double>(shown.valid);
+        operations_.query.at(visible(thread)) + operations_.valid_ns * static_cast<double>(shown.valid);
     return mechanism_.locks_nodes ? lock_nodes(t, end, ns) : end + ns;
   }
 
@@ -361,7 +361,7 @@ class Engine {
       end = tickets_.write(machine_, t, end);
     }
     out_.transfer_ns += end - time;
-    return end + setup_.costs.insert.at(visible(thread));
+    return end + operations_.insert.at(visible(thread));
   }
 
   /// The operation's locks one after the other, each held for an equal share of `ns`; when the last is free again.
@@ -386,6 +386,15 @@ class Engine {
       if (!is_before) node = {t, in, time};
     }
     return time;
+  }
+
+  /// What the core waits for a record that it sees for the first time: as measured within a complex, and from farther
+  /// away in proportion to transfers.
+  double first_sight(std::uint32_t id, unsigned core) {
+    const unsigned from = fresh_.see(id, core);
+    if (from == FreshRecords::kNobody) return 0.0;
+    const double near = machine_.transfers.ns[0];
+    return near > 0.0 ? operations_.fresh_ns * machine_.transfer_ns(from, core) / near : operations_.fresh_ns;
   }
 
   /// Records on which the cost of a query or an insert of the thread depends.
@@ -435,6 +444,7 @@ class Engine {
   const SimulatedSetup& setup_;
   const MachineModel& machine_;
   const Mechanism mechanism_;
+  const OperationCosts operations_;
   std::vector<Thread> threads_;  // thread t on core t
   FreshRecords fresh_;
   std::unique_ptr<VirtualLock> lock_;

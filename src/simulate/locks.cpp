@@ -1,11 +1,21 @@
 #include "simulate/locks.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
 namespace icbench {
 namespace {
+
+/// Turns of a loop that waits: so many of one pause, then of two, four, up to the longest, and then the processor is
+/// given up each time.
+struct Backoff {
+  unsigned of_each;
+  double longest;
+};
+constexpr Backoff kOurs{256, 1.0};   // NoHooks::wait_turn
+constexpr Backoff kOneTbb{1, 16.0};  // its detail::d0::atomic_backoff
 
 /// What all models have.
 class Model : public VirtualLock {
@@ -22,11 +32,19 @@ class Model : public VirtualLock {
   double transfer(const Visitor& from, const Visitor& to) const noexcept {
     return machine_.transfer_ns(from.core, to.core);
   }
-  /// When one who reads the word in a loop sees what was written at t.
-  double noticed(const Visitor& writer, const Waiting& waiting, double t) {
-    constexpr double kSpins = 256.0;  // of NoHooks::wait_turn, then it yields
-    const double turn = t - waiting.since < kSpins * costs_.pause_ns ? costs_.pause_ns : costs_.yield_ns;
-    return t + transfer(writer, waiting.visitor) + turn * static_cast<double>(random_.uniform());
+  /// When one who looks at the word now and then, after ever longer turns, sees what was written at t.
+  double noticed(const Visitor& writer, const Waiting& waiting, double t,
+                 const Backoff& backoff) const noexcept {
+    const double seen = t + transfer(writer, waiting.visitor);
+    double look = waiting.since;
+    for (double turn = 1.0; turn <= backoff.longest; turn *= 2.0) {
+      for (unsigned i = 0; i < backoff.of_each; ++i) {
+        if (look >= seen) return look;
+        look += turn * costs_.pause_ns;
+      }
+    }
+    if (look >= seen || costs_.yield_ns <= 0.0) return std::max(look, seen);
+    return look + std::ceil((seen - look) / costs_.yield_ns) * costs_.yield_ns;
   }
   /// When one who sleeps has woken, if somebody calls for it at t.
   double awake(const Waiting& sleeper, double t) const noexcept {
@@ -104,7 +122,7 @@ class Spin final : public Model {
     const auto n = static_cast<std::uint32_t>(waiting_.size());
     const Waiting& first = waiting_[random_.below(n)];
     const double in_vain = 0.5 * (n - 1) * machine_.transfers.ns[0];
-    wake_(first.visitor.thread, noticed(v, first, t) + in_vain);
+    wake_(first.visitor.thread, noticed(v, first, t, kOurs) + in_vain);
     return t;
   }
 
@@ -120,7 +138,9 @@ class Queue final : public Model {
   std::optional<double> enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
     if (!std::exchange(is_held_, true)) return t;
-    queue_.push_back(v);
+    // The first try was in vain, and the place in the queue is taken now.
+    t = line_.write(machine_, v.core, t);
+    queue_.push_back({v, t});
     return std::nullopt;
   }
   std::optional<double> resume(const Visitor&, double t) override { return t; }
@@ -129,14 +149,14 @@ class Queue final : public Model {
       is_held_ = false;
       return line_.write(machine_, v.core, t);
     }
-    wake_(queue_.front().thread, t + transfer(v, queue_.front()));
+    wake_(queue_.front().visitor.thread, noticed(v, queue_.front(), t, kOneTbb));
     queue_.pop_front();
     return t;
   }
 
  private:
   bool is_held_ = false;
-  std::deque<Visitor> queue_;
+  std::deque<Waiting> queue_;
 };
 
 class FutexRw final : public Model {
@@ -235,6 +255,7 @@ class SpinningRw : public Model {
   virtual double read_word(const Visitor& v, double t) = 0;
   virtual double write_word(const Visitor& v, double t) = 0;
   virtual double reader_leaves(const Visitor& v, double t) = 0;
+  virtual const Backoff& backoff() const noexcept = 0;
 
  private:
   bool try_enter(const Visitor& v) {
@@ -248,7 +269,7 @@ class SpinningRw : public Model {
     return !wants_writer_;
   }
   void wake_all(const std::vector<Waiting>& waiting, const Visitor& by, double t) {
-    for (const Waiting& w : waiting) wake_(w.visitor.thread, noticed(by, w, t));
+    for (const Waiting& w : waiting) wake_(w.visitor.thread, noticed(by, w, t, backoff()));
   }
 
   unsigned readers_ = 0;
@@ -264,6 +285,7 @@ class SpinRw final : public SpinningRw {
   double read_word(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
   double write_word(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
   double reader_leaves(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
+  const Backoff& backoff() const noexcept override { return kOneTbb; }
 };
 
 class DistributedRw final : public SpinningRw {
@@ -293,6 +315,7 @@ class DistributedRw final : public SpinningRw {
     return t + looks / kLooksAtOnce;
   }
   double reader_leaves(const Visitor&, double t) override { return t; }
+  const Backoff& backoff() const noexcept override { return kOurs; }
 
   // By thread: has written its line since a writer looked, and a writer has looked since.
   std::vector<bool> read_since_, looked_at_;

@@ -11,7 +11,7 @@
 //                    vain, too (Anderson, The Performance of Spin Lock Alternatives for Shared-Memory Multiprocessors,
 //                    IEEE TPDS 1(1), 1990): half a transfer for each
 //   queue            first come, first served, each waiter on a word of its own (oneTBB's queuing_mutex; after
-//                    Mellor-Crummey and Scott 1991): one transfer a hand-over
+//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses
 //   futex_rw         glibc's readers-writer lock: readers count themselves on one line, and go first; waiters sleep
 //   spin_rw          oneTBB's: readers count themselves on one line; a writer that waits keeps new readers out
 //   distributed_rw   readers write a line of their own and read the writer's; a writer looks at all of them
@@ -38,6 +38,7 @@ struct WaitCosts {
   double wake_delay_ns = 5'000.0;  ///< from the call to the woken thread's running
   double pause_ns = 20.0;          ///< one turn of a spin loop
   double yield_ns = 400.0;         ///< giving up the processor with nobody there to take it
+  double clock_ns = 30.0;          ///< reading the clock: who has waited does so while it holds the lock
   double start_ns = 10'000.0;      ///< of starting a thread
 };
 

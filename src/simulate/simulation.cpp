@@ -14,14 +14,34 @@
 
 namespace icbench {
 
-void require_simulated(const WorkloadSpec& spec) {
-  if (spec.kind == WorkloadKind::ray_traced) {
-    throw std::runtime_error(fmt::format(
-        "workload '{}' traces rays, which take no virtual time; capture it with icbench trace capture and "
-        "simulate trace:file=PATH",
-        spec.name));
+std::vector<SimulationPoint> simulation_points(const SimulationRequest& request) {
+  std::vector<SimulationPoint> out;
+  for (std::size_t w = 0; w < request.workloads.size(); ++w) {
+    for (const std::string& name : request.caches) {
+      const CacheEntry& cache = find_cache(name);
+      for (const unsigned cores : request.cores) {
+        if (!cache.traits.single_thread || cores == 1) out.push_back({w, &cache, cores});
+      }
+    }
   }
-  if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
+  return out;
+}
+
+void require_simulated(const SimulationRequest& request) {
+  for (const WorkloadSpec& spec : request.workloads) {
+    if (spec.kind == WorkloadKind::ray_traced) {
+      throw std::runtime_error(fmt::format(
+          "workload '{}' traces rays, which take no virtual time; capture it with icbench trace capture "
+          "and simulate trace:file=PATH",
+          spec.name));
+    }
+    if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
+  }
+  for (const std::string& name : request.caches) mechanism_of(find_cache(name).traits);
+  if (simulation_points(request).empty()) {
+    throw std::runtime_error(
+        "there is nothing to simulate: caches for a single thread run with --cores 1 only");
+  }
 }
 
 struct Simulation::PlanData {
@@ -35,26 +55,8 @@ Simulation::~Simulation() = default;
 
 Simulation::Simulation(SimulationRequest request, const Topology& topology, Calibration calibration)
     : request_(std::move(request)), topology_(topology), calibration_(std::move(calibration)) {
-  for (const WorkloadSpec& spec : request_.workloads) require_simulated(spec);
-  for (const std::string& name : request_.caches) mechanism_of(find_cache(name).traits);
+  require_simulated(request_);
   request_.machine.transfers = request_.transfers.value_or(calibration_.transfers);
-  if (points().empty()) {
-    throw std::runtime_error(
-        "there is nothing to simulate: caches for a single thread run with --cores 1 only");
-  }
-}
-
-std::vector<SimulationPoint> Simulation::points() const {
-  std::vector<SimulationPoint> out;
-  for (std::size_t w = 0; w < request_.workloads.size(); ++w) {
-    for (const std::string& name : request_.caches) {
-      const CacheEntry& cache = find_cache(name);
-      for (const unsigned cores : request_.cores) {
-        if (!cache.traits.single_thread || cores == 1) out.push_back({w, &cache, cores});
-      }
-    }
-  }
-  return out;
 }
 
 std::string Simulation::name_of(const SimulationPoint& p) const {
@@ -78,7 +80,7 @@ Simulation::PlanData& Simulation::plan(std::size_t workload) {
 }
 
 void Simulation::complete_calibration(const std::function<void(const std::string&)>& tell) {
-  std::unique_ptr<ThreadTeam> team;
+  std::unique_ptr<ThreadTeam> one, two;
   std::optional<Work> work;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) {
     WorkloadSpec spec = request_.workloads[w];
@@ -97,8 +99,10 @@ void Simulation::complete_calibration(const std::function<void(const std::string
                         request_.calibration_path, calibration_.host_name, name, spec.name));
       }
       tell(fmt::format("{}, {}", spec.name, name));
-      if (team == nullptr) {
-        team = std::make_unique<ThreadTeam>(topology_, Placement::compact, 1);
+      if (one == nullptr) {
+        one = std::make_unique<ThreadTeam>(topology_, Placement::compact, 1);
+        if (topology_.units().size() >= 2)
+          two = std::make_unique<ThreadTeam>(topology_, Placement::compact, 2);
         work = Work::calibrate();
       }
       if (spec.kind == WorkloadKind::trace && trace_without_work == nullptr) {
@@ -113,7 +117,7 @@ void Simulation::complete_calibration(const std::function<void(const std::string
         calibrated.synthetic = plan(w).synthetic.get();
       }
       calibration_.costs[key_of(name, key)] =
-          calibrate_cache(cache, calibrated, *team, *work, calibration_, request_.seed);
+          calibrate_cache(cache, calibrated, *one, two.get(), *work, calibration_, request_.seed);
       write_calibration(calibration_, request_.calibration_path);
     }
   }
@@ -184,6 +188,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
   if (data.trace) {
     c["integrator"] = data.trace->trace().context.integrator;
     c["record_cost_scale"] = spec.scale;
+    c["same_records"] = keeps && o.digest == data.trace->trace().frames.back().digest;
   } else {
     c["order"] = to_string(spec.order);
     c["accuracy"] = shortest_decimal(spec.a);

@@ -39,18 +39,19 @@ struct SimulationPoint {
   unsigned cores;
 };
 
+/// In order. Caches for a single thread appear with one core only.
+std::vector<SimulationPoint> simulation_points(const SimulationRequest& request);
+
 class Simulation {
  public:
-  /// Throws std::runtime_error with one line for a workload or a cache that cannot be simulated, a trace that cannot be
-  /// read, or when no point is left.
+  /// Throws as require_simulated does.
   Simulation(SimulationRequest request, const Topology& topology, Calibration calibration);
   ~Simulation();
 
   const SimulationRequest& request() const noexcept { return request_; }
   Calibration& calibration() noexcept { return calibration_; }
 
-  /// In order. Caches for a single thread appear with one core only.
-  std::vector<SimulationPoint> points() const;
+  std::vector<SimulationPoint> points() const { return simulation_points(request_); }
   /// "simulate/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SimulationPoint& point) const;
 
@@ -71,7 +72,8 @@ class Simulation {
   std::unique_ptr<PlanData> plan_;
 };
 
-/// Throws std::runtime_error with one line if the workload cannot be simulated.
-void require_simulated(const WorkloadSpec& spec);
+/// Throws std::runtime_error with one line for a workload or a cache that cannot be simulated, a trace that cannot be
+/// read, or when no point is left.
+void require_simulated(const SimulationRequest& request);
 
 }  // namespace icbench
