@@ -21,9 +21,8 @@ constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 /// Every query and insert takes as long as every other.
 CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
   CacheCosts c;
-  c.alone.query = SizeCost({query_ns});
-  c.alone.insert = SizeCost({insert_ns});
-  c.in_turns = c.alone;
+  c.operations.query = SizeCost({query_ns});
+  c.operations.insert = SizeCost({insert_ns});
   c.outside_query_ns = c.outside_insert_ns = outside_ns;
   return c;
 }
@@ -237,7 +236,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
            {"transfer_ns", {1.0, 2.0}},
            {"waits", 3},
            {"harness_query_ns", -1.0},
-           {"costs", {{"a", {{"alone", 3}}}}},
+           {"costs", {{"a", {{"query_ns", 3}}}}},
            {"validation", {{"threads", "two"}}}}) {
     nlohmann::ordered_json damaged = c.to_json();
     damaged[key] = value;

@@ -1,9 +1,9 @@
 // The calibration: what this machine's operations, locks and cache lines cost, measured once and kept in a file.
 //
 // Of the machine: a line's transfer between two cores (where it has two), sleeping, waking, spinning, starting a thread.
-// Of each cache and workload: queries and inserts by records that are there, on one core, and on two that take turns, so
-// that lines come from the other's cache while nobody is in anybody's way; their sum is matched to a real trial of one
-// thread; and merging. Times are those of the thread's processor, so that other programs on the machine disturb little.
+// Of each cache and workload: queries and inserts by records that are there, on one core, their sum matched to a real
+// trial; what it takes to read a record that another core has inserted, on two cores that take turns; and merging.
+// Times are those of the thread's processor, so that other programs on the machine disturb little.
 //
 // The file is JSON. One that is there is used as it is, whichever machine it is from, and gets costs that it lacks
 // added, if it is from this one. What a simulation is worth, the file knows as well: the outcome of a validation.

@@ -38,17 +38,11 @@ struct OperationCosts {
 
 /// Of one cache under one workload, nanoseconds.
 struct CacheCosts {
-  OperationCosts alone;  ///< of the only thread
-  OperationCosts
-      in_turns;  ///< of two threads on two cores that take turns: what is in the other's cache has to
-                 ///< come from there, but nobody is in anybody's way
+  OperationCosts operations;
   double outside_query_ns = 0.0;  ///< of the workload's own code around it: outside of any lock
   double outside_insert_ns = 0.0;
   double merge_record_ns = 0.0;  ///< of end_frame, for each record inserted since the last
 
-  /// On `cores` cores. An insert in turns finds half of what it writes with the other core, and among n cores
-  /// (n - 1) / n.
-  OperationCosts on(unsigned cores) const;
   void scale(double by);
 
   nlohmann::ordered_json to_json() const;

@@ -21,42 +21,19 @@ double SizeCost::at(std::uint64_t records) const noexcept {
   return ns_[static_cast<std::size_t>(low)] * (1.0 - part) + ns_[static_cast<std::size_t>(high)] * part;
 }
 
-OperationCosts CacheCosts::on(unsigned cores) const {
-  if (cores == 1) return alone;
-  OperationCosts out = in_turns;
-  const double share = 2.0 * (cores - 1) / cores;
-  const std::vector<double>&mine = alone.insert.ns(), &turns = in_turns.insert.ns();
-  std::vector<double> insert(std::max(mine.size(), turns.size()));
-  for (std::size_t k = 0; k < insert.size(); ++k) {
-    const double a = mine[std::min(k, mine.size() - 1)], b = turns[std::min(k, turns.size() - 1)];
-    insert[k] = a + share * std::max(0.0, b - a);
-  }
-  out.insert = SizeCost(std::move(insert));
-  return out;
-}
-
 void CacheCosts::scale(double by) {
-  for (OperationCosts* o : {&alone, &in_turns}) {
-    o->query.scale(by);
-    o->insert.scale(by);
-    o->valid_ns *= by;
-    o->fresh_ns *= by;
-  }
+  operations.query.scale(by);
+  operations.insert.scale(by);
+  operations.valid_ns *= by;
+  operations.fresh_ns *= by;
   outside_query_ns *= by;
   outside_insert_ns *= by;
 }
 
 nlohmann::ordered_json CacheCosts::to_json() const {
-  const auto operations = [](const OperationCosts& o) {
-    return nlohmann::ordered_json{{"query_ns", o.query.ns()},
-                                  {"insert_ns", o.insert.ns()},
-                                  {"valid_ns", o.valid_ns},
-                                  {"fresh_ns", o.fresh_ns}};
-  };
-  return {{"alone", operations(alone)},
-          {"in_turns", operations(in_turns)},
-          {"outside_query_ns", outside_query_ns},
-          {"outside_insert_ns", outside_insert_ns},
+  return {{"query_ns", operations.query.ns()},    {"insert_ns", operations.insert.ns()},
+          {"valid_ns", operations.valid_ns},      {"fresh_ns", operations.fresh_ns},
+          {"outside_query_ns", outside_query_ns}, {"outside_insert_ns", outside_insert_ns},
           {"merge_record_ns", merge_record_ns}};
 }
 
@@ -77,14 +54,9 @@ CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
     if (ns.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
     return SizeCost(std::move(ns));
   };
-  const auto operations = [&](const char* name) {
-    const Json& j = field(all, name);
-    return OperationCosts{sizes(j, "query_ns"), sizes(j, "insert_ns"), number(field(j, "valid_ns")),
-                          number(field(j, "fresh_ns"))};
-  };
   CacheCosts out;
-  out.alone = operations("alone");
-  out.in_turns = operations("in_turns");
+  out.operations = {sizes(all, "query_ns"), sizes(all, "insert_ns"), number(field(all, "valid_ns")),
+                    number(field(all, "fresh_ns"))};
   out.outside_query_ns = number(field(all, "outside_query_ns"));
   out.outside_insert_ns = number(field(all, "outside_insert_ns"));
   out.merge_record_ns = number(field(all, "merge_record_ns"));
@@ -135,7 +107,7 @@ class Engine {
         setup_(setup),
         machine_(setup.machine),
         mechanism_(setup.mechanism),
-        operations_(setup.costs.on(setup.machine.cores)),
+        operations_(setup.costs.operations),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
         lock_(make_lock(setup.mechanism.lock, setup.machine, setup.waits, setup.seed,

@@ -105,7 +105,11 @@ class Spin final : public Model {
 
   std::optional<double> enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
-    if (!std::exchange(is_held_, true)) return t;
+    // Whoever waits may be there before.
+    if (!is_held_ && (waiting_.empty() || t < first_try_)) {
+      is_held_ = true;
+      return t;
+    }
     waiting_.push_back({v, t});
     return std::nullopt;
   }
@@ -122,12 +126,15 @@ class Spin final : public Model {
     const auto n = static_cast<std::uint32_t>(waiting_.size());
     const Waiting& first = waiting_[random_.below(n)];
     const double in_vain = 0.5 * (n - 1) * machine_.transfers.ns[0];
-    wake_(first.visitor.thread, noticed(v, first, t, kOurs) + in_vain);
+    first_try_ = noticed(v, first, t, kOurs) + in_vain;
+    line_.read(machine_, first.visitor.core, t);
+    wake_(first.visitor.thread, first_try_);
     return t;
   }
 
  private:
   bool is_held_ = false;
+  double first_try_ = 0.0;  // of who was woken last
   std::vector<Waiting> waiting_;
 };
 
