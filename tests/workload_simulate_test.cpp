@@ -99,7 +99,7 @@ TEST(Simulator, OneCoreLeavesTheRecordsOfOneRealThread) {
       ++records;
     });
     for (const CacheEntry& entry : all_caches()) {
-      if (entry.traits.consistency == Consistency::none) continue;
+      if (entry.traits.consistency == Consistency::none || !has_model(entry.traits)) continue;
       const auto o = run(plan, entry.traits.name, machine_of(1, 30.0), flat_costs(200.0, 500.0));
       EXPECT_EQ(o.digest, digest.value()) << entry.traits.name << ", " << workload;
       EXPECT_EQ(o.records, records) << entry.traits.name;
@@ -208,7 +208,9 @@ TEST(Simulator, SocketsAndComplexesAreApart) {
 TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {
   const SyntheticPlan plan = made_plan("mix_50_50:records=100:operations=4000");
   for (const CacheEntry& entry : all_caches()) {
-    if (entry.traits.single_thread || entry.traits.consistency == Consistency::none) continue;
+    if (entry.traits.single_thread || entry.traits.consistency == Consistency::none ||
+        !has_model(entry.traits))
+      continue;
     const auto o = run(plan, entry.traits.name, machine_of(40, 30.0), flat_costs(150.0, 300.0, 10.0));
     EXPECT_EQ(o.operations, 4000u) << entry.traits.name;
     EXPECT_EQ(o.records, 2100u) << entry.traits.name;

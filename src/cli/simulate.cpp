@@ -13,6 +13,7 @@
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
+#include "simulate/engine.h"
 #include "simulate/simulation.h"
 #include "workload/sweep.h"
 
@@ -45,7 +46,7 @@ std::vector<unsigned> parse_cores(std::string_view text) {
 std::vector<std::string> all_but_the_oracle() {
   std::vector<std::string> out;
   for (const CacheEntry& e : all_caches())
-    if (e.traits.name != "brute_force") out.emplace_back(e.traits.name);
+    if (e.traits.name != "brute_force" && has_model(e.traits)) out.emplace_back(e.traits.name);
   return out;
 }
 
@@ -293,9 +294,9 @@ void add_simulate(CLI::App& app) {
       ->type_name("LIST")
       ->capture_default_str();
   simulate
-      ->add_option(
-          "--caches", o->caches,
-          "Caches, separated by commas; all leaves out brute_force, the\noracle; see icbench list caches")
+      ->add_option("--caches", o->caches,
+                   "Caches, separated by commas; all leaves out brute_force, the\noracle, and what has no "
+                   "model; see icbench list caches")
       ->type_name("LIST")
       ->capture_default_str();
   simulate

@@ -63,7 +63,9 @@ CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
   return out;
 }
 
-Mechanism mechanism_of(const CacheTraits& traits) {
+namespace {
+
+Mechanism declared(const CacheTraits& traits) noexcept {
   constexpr std::pair<std::string_view, LockKind> kLocks[] = {
       {"global_mutex", LockKind::mutex},    {"global_spin", LockKind::spin},
       {"queuing_mutex", LockKind::queue},   {"shared_mutex", LockKind::futex_rw},
@@ -73,22 +75,32 @@ Mechanism mechanism_of(const CacheTraits& traits) {
   for (const auto& [name, kind] : kLocks) {
     if (traits.mechanism == name) out.lock = kind;
   }
-  out.locks_nodes = traits.mechanism == "node_lock";
+  out.locks_nodes = traits.name == "node_lock";  // the one that make_logged_node_locks makes
   out.has_clock = traits.mechanism.ends_with("snapshot");
   out.has_tail = traits.mechanism == "tbb" || traits.mechanism == "append_log";
   out.sees_own_only = traits.consistency == Consistency::frame;
   out.searches_own = traits.mechanism == "append_log";
   if (out.sees_own_only)
     out.merge = traits.mechanism == "local_write" ? Mechanism::Merge::parallel : Mechanism::Merge::serial;
-  const bool blocks =
-      traits.insert == ProgressGuarantee::blocking || traits.query == ProgressGuarantee::blocking;
-  if (blocks && out.lock == LockKind::none && !out.locks_nodes && !out.has_tail) {
-    throw std::runtime_error(fmt::format(
-        "cache '{}': the simulator has no model of its mechanism '{}'; add one to mechanism_of in "
-        "src/simulate/engine.cpp",
-        traits.name, traits.mechanism));
-  }
   return out;
+}
+
+}  // namespace
+
+bool has_model(const CacheTraits& traits) noexcept {
+  const Mechanism m = declared(traits);
+  return (traits.insert != ProgressGuarantee::blocking && traits.query != ProgressGuarantee::blocking) ||
+         m.lock != LockKind::none || m.locks_nodes || m.has_tail;
+}
+
+Mechanism mechanism_of(const CacheTraits& traits) {
+  if (!has_model(traits)) {
+    throw std::runtime_error(
+        fmt::format("cache '{}': the simulator has no model of its mechanism '{}'; add one to "
+                    "src/simulate/engine.cpp",
+                    traits.name, traits.mechanism));
+  }
+  return declared(traits);
 }
 
 namespace {

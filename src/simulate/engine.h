@@ -41,6 +41,9 @@ struct Mechanism {
   enum class Merge : std::uint8_t { none, parallel, serial } merge = Merge::none;
 };
 
+/// Whether there is a model of the cache's mechanism.
+bool has_model(const CacheTraits& traits) noexcept;
+
 /// By the mechanism that a cache declares. Throws std::runtime_error with one line for one that has no model.
 Mechanism mechanism_of(const CacheTraits& traits);
 
