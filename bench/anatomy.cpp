@@ -10,10 +10,13 @@
 //   packed_frozen     what is left when nothing can change any more
 //   told              what is left when the valid records are known beforehand
 //
+// Beside it the latency of memory, what a load costs that waits for the one before, in blocks of several sizes: from the
+// smallest it is that of a near cache, from the largest that of memory itself.
+//
 // Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what
 // counts. Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a
 // query reads, lists that it looks into, items (records, or copies) that it tests there, records_read whole, and how
-// many of them are valid; and, for one point, which records these are (`example`).
+// many of them are valid; and, for one point, which records these are (`example`). Of memory: block_bytes, ns_per_load.
 //
 // Exit status: 0 done, 2 bad usage.
 #include <fmt/format.h>
@@ -25,6 +28,7 @@
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/results.h"
+#include "pointer_chase.h"
 #include "rows/read_only_structures.h"
 
 namespace icbench {
@@ -213,6 +217,30 @@ struct Order {
 };
 constexpr Order kOrders[] = {{"random", "read_only"}, {"coherent", "read_only:order=coherent"}};
 
+constexpr std::size_t kBlocks[] = {1u << 20, 4u << 20, 16u << 20, 64u << 20, 256u << 20};
+
+/// What a load costs in blocks of each size.
+void measure_memory(const Options& o, ResultsWriter& results) {
+  for (const std::size_t bytes : kBlocks) {
+    PointerChase chase(bytes, hash_keys(o.seed, 18));
+    std::vector<double> ns;
+    for (unsigned repetition = 0; repetition < o.repetitions; ++repetition) {
+      ns.push_back(chase.ns_per_load());
+      Entry entry;
+      entry.name = fmt::format("anatomy/memory/{}MiB", bytes >> 20);
+      entry.repetitions = o.repetitions;
+      entry.repetition_index = repetition;
+      entry.real_time = entry.cpu_time = ns.back() * PointerChase::kLoads * 1e-6;
+      entry.items_per_second = 1e9 / ns.back();
+      entry.counters = Json{{"block_bytes", bytes}, {"ns_per_load", ns.back()}};
+      results.add(entry);
+    }
+    if (chase.at() >= bytes) throw std::runtime_error("a chase through memory has left it");
+    fmt::print("{:<10} {:<18} {:>9.1f} ns a load\n", "memory", fmt::format("{} MiB", bytes >> 20),
+               median(ns));
+  }
+}
+
 void run(const Options& o, const std::vector<std::string>& command_line) {
   const Topology topology = Topology::of_this_process();
   RunInfo info;
@@ -229,8 +257,10 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   const Work work = Work::calibrate();
   const Machine machine{topology, work, o.seed};
   machine.bind();
-  Progress progress("anatomy", static_cast<double>(std::size(kOrders) * (o.repetitions + 1)));
+  Progress progress("anatomy", static_cast<double>(1 + std::size(kOrders) * (o.repetitions + 1)));
   const RayTracer rays(make_scene("cornell_box"));
+  measure_memory(o, results);
+  progress.advance(1.0, "memory");
   fmt::print("{:<10} {:<18} {:>9} {:>12} {:>8} {:>14}\n", "points", "structure", "ns/query", "cache lines",
              "tested", "records read");
   for (const Order& order : kOrders) {

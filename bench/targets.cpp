@@ -19,6 +19,7 @@ namespace {
 
 struct Options {
   std::string json, rows;
+  bool list = false;
   double seconds = 30.0;
   std::uint64_t seed = 1;
 };
@@ -96,6 +97,10 @@ nlohmann::ordered_json to_json(const Row& row, const Measured& m) {
   return j;
 }
 
+std::string target_of(const Row& row) {
+  return fmt::format("{} {:.4g}", row.relation == Relation::at_most ? "at most" : "at least", row.target);
+}
+
 /// Those of `all` that `list` names; all of them if it is empty.
 std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& list) {
   std::vector<const Row*> out;
@@ -118,6 +123,10 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
 int run(const Options& o) {
   const std::vector<Row> all = all_rows();
   const std::vector<const Row*> rows = rows_of(all, o.rows);
+  if (o.list) {
+    for (const Row* row : rows) fmt::print("{:<34} {:<16} {}\n", row->name, target_of(*row), row->what);
+    return 0;
+  }
   const Topology topology = Topology::of_this_process();
   const Work work = Work::calibrate();
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
@@ -138,15 +147,13 @@ int run(const Options& o) {
     if (error) std::rethrow_exception(error);
     json.push_back(to_json(*row, m));
     failed |= m.verdict == "fail";
-    const std::string target =
-        fmt::format("{} {}", row->relation == Relation::at_most ? "at most" : "at least", row->target);
     const std::string figures =
         m.ratios.size() < kMinimum
             ? fmt::format("{:>8} {:>19}", "-", "-")
             : fmt::format("{:>8.3f} {:>19}", median(m.ratios),
                           fmt::format("[{:.3f}, {:.3f}]", m.interval.low, m.interval.high));
-    fmt::print("{:<30} {:<16} {}  {:>7}  {}{}\n", row->name, target, figures, m.ratios.size(), m.verdict,
-               m.why.empty() ? "" : ": " + m.why);
+    fmt::print("{:<30} {:<16} {}  {:>7}  {}{}\n", row->name, target_of(*row), figures, m.ratios.size(),
+               m.verdict, m.why.empty() ? "" : ": " + m.why);
     std::fflush(stdout);
   }
   if (!o.json.empty())
@@ -162,6 +169,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
   app.add_option("--json", o.json, "Also write the rows to this file");
   app.add_option("--rows", o.rows, "Only these rows, separated by commas");
+  app.add_flag("--list", o.list, "Print name, target and meaning of the rows; measure nothing");
   app.add_option("--seconds", o.seconds,
                  "Time for a row that stays undecided; one that has fewer than\n11 samples by then goes on "
                  "until it has")

@@ -6,7 +6,7 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
-from anatomy_results import kParts, kPoints, kReads, points
+from anatomy_results import kParts, kPoints, kReads, memory, points
 from pareto_results import Measured
 from tables import interval, note_line, table, text
 
@@ -57,6 +57,19 @@ def sentences(table: pd.DataFrame) -> str:
     return made
 
 
+def waits(latency: pd.DataFrame) -> str:
+    """How long memory takes to answer here."""
+    if len(latency) < 2:
+        return ""
+    near, far = latency.iloc[0], latency.iloc[-1]
+    size = {name: f"{style.number(line['block_bytes'] / 2**20)} MiB" for name, line in (("near", near), ("far", far))}
+    return (f"<p>Why so: a load that has to wait for the one before takes "
+            f"{interval(near['median'], near['low'], near['high'])} ns on this machine from a block of {size['near']} and "
+            f"{interval(far['median'], far['low'], far['high'])} ns from one of {size['far']}. A packed query waits for its "
+            "cell and then for the records that the cell's lanes leave: at points far from one another that is memory "
+            "twice, whatever is computed in between; at points of an image most of it is at hand.</p>")
+
+
 def numbers(everything: pd.DataFrame) -> str:
     """A line for every structure."""
     made = ""
@@ -83,7 +96,7 @@ def section(measured: Measured, anchor: str, figures: str) -> str:
     if not measured.complete:
         made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
     records = int(everything["records"].max())
-    made += sentences(everything) + figures + numbers(everything)
+    made += sentences(everything) + figures + waits(memory(measured)) + numbers(everything)
     made += note_line(f"Median [low, high] over {style.plural(int(everything['n'].max()), 'repetition')}; {records:,} "
                       "records in Cornell box, one thread, read-only. What is read is a mean over all points; a dash: "
                       "not counted, since it is no cache")

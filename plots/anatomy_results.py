@@ -34,8 +34,9 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
     context, rows = read_rows(path, "anatomy", kFiles, (*kKeys, "ns_per_query", "records"))
     for name in {*kReads, "ns_per_query", "records", "bytes_per_record", "repetition_index"} & set(rows):
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
-    rows = rows[rows["ns_per_query"] > 0]
-    if rows.empty:
+    for name in {"block_bytes", "ns_per_load"} & set(rows):
+        rows[name] = pd.to_numeric(rows[name], errors="coerce")
+    if not (rows["ns_per_query"] > 0).any():
         raise InputError(f"{path}: no row has a time")
     return context, rows
 
@@ -49,7 +50,7 @@ def points(measured: Measured) -> pd.DataFrame:
     """One line per order of points and structure, in the order of kParts: the time of a query, ns, with its interval,
     and what a query reads, where that is known.
     """
-    rows = measured.rows
+    rows = measured.rows[measured.rows["ns_per_query"] > 0]
     table = summarise(rows, kKeys, "ns_per_query").drop(columns="spread").rename(
         columns={"median": "ns", "low": "ns_low", "high": "ns_high"})
     known = rows.groupby(kKeys, sort=True)
@@ -59,6 +60,14 @@ def points(measured: Measured) -> pd.DataFrame:
     table["place"] = [order.index(p) if p in order else len(order) for p in table["part"]]
     return table.sort_values(["points", "place", "part"], ascending=[False, True, True]).drop(
         columns="place").reset_index(drop=True)
+
+
+def memory(measured: Measured) -> pd.DataFrame:
+    """What a load costs that waits for the one before, ns, by the size of the block, bytes; may be empty."""
+    if not {"block_bytes", "ns_per_load"} <= set(measured.rows):
+        return pd.DataFrame(columns=["block_bytes", "median", "low", "high"])
+    rows = measured.rows[measured.rows["ns_per_load"] > 0]
+    return summarise(rows, ["block_bytes"], "ns_per_load").sort_values("block_bytes").reset_index(drop=True)
 
 
 def name_of(part: str) -> str:

@@ -10,6 +10,8 @@ import pareto
 import promises
 import redundant_records
 import repeatability
+import run_differences
+import scaling_law
 import speed_error
 import speedup
 import steps
@@ -23,8 +25,8 @@ import utilisation
 import witness
 
 # Of what was measured.
-FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, contention_map, structure_mechanism,
-                                        speed_error, latency,
+FIGURES = [module.FIGURE for module in (throughput, speedup, efficiency, scaling_law, contention_map,
+                                        structure_mechanism, speed_error, latency,
                                         lock_wait, utilisation, redundant_records, cas_failures)]
 # Of what icbench pareto measured.
 PARETO_FIGURES = [pareto.FIGURE]
@@ -32,6 +34,8 @@ PARETO_FIGURES = [pareto.FIGURE]
 REPEATABILITY_FIGURES = [repeatability.FIGURE]
 # Of what bench's anatomy measured.
 ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
+# Of two runs.
+COMPARISON_FIGURES = [run_differences.FIGURE]
 # Of what was checked.
 CORRECTNESS_FIGURES = [module.FIGURE for module in (promises, witness, steps)]
 # Of what bench/tables measured.

@@ -30,9 +30,17 @@ def _small(path: Path) -> bytes:
     return re.sub(r"\s+", " ", drawing).replace("> <", "><").encode()
 
 
+def image(uri: str, about: str, width: float = 0, height: float = 0) -> str:
+    """A picture that is decoded when it comes into view (a page of many opens at once), with room kept for it where its
+    size in pixels is given.
+    """
+    room = f' width="{width:.0f}" height="{height:.0f}"' if width and height else ""
+    return f'<img loading="lazy" decoding="async"{room} src="{uri}" alt="{text(about)}">'
+
+
 def drawing(path: Path, title: str) -> str:
     """An SVG file as a figure of the page."""
     data = _small(path)
-    width = float(re.search(rb'width="([0-9.]+)pt"', data)[1]) * kPixelsPerPoint
-    return (f'<figure><img src="{data_uri("image/svg+xml", data)}" style="width:{width:.0f}px" '
-            f'alt="{text(title)}"></figure>')
+    width, height = (float(re.search(rb'%s="([0-9.]+)pt"' % side, data)[1]) * kPixelsPerPoint
+                     for side in (b"width", b"height"))
+    return f'<figure>{image(data_uri("image/svg+xml", data), title, width, height)}</figure>'

@@ -8,7 +8,7 @@ import style  # first: it checks what is installed
 
 import pandas as pd
 
-from inline import data_uri
+from inline import data_uri, image
 from pareto_results import Measured, Pictures, method_order, points, setting_words
 from tables import interval, note_line, table, text
 
@@ -118,12 +118,12 @@ def _picture(folder: Path, entry: dict) -> str:
     if "image" not in entry:
         return f"<figure><figcaption><b>{text(name)}</b>: no setting is that fast</figcaption></figure>"
     try:
-        image, error = (data_uri("image/png", (folder / entry[key]).read_bytes()) for key in ("image", "map"))
+        made, error = (data_uri("image/png", (folder / entry[key]).read_bytes()) for key in ("image", "map"))
     except (OSError, TypeError, KeyError):
         return f"<figure><figcaption><b>{text(name)}</b>: the picture cannot be read</figcaption></figure>"
     about = (f"{setting_words(str(entry['setting']))}; {style.duration(entry['seconds'])}, FLIP "
              f"{style.number(entry['flip'])}")
-    return (f'<figure><img src="{image}" alt="{text(name)}"><img src="{error}" alt="error of {text(name)}">'
+    return (f'<figure>{image(made, name)}{image(error, f"error of {name}")}'
             f"<figcaption><b>{text(name)}</b><br>{text(about)}</figcaption></figure>")
 
 
@@ -134,7 +134,7 @@ def gallery(pictures: Pictures) -> str:
         shown = "".join(_picture(pictures.folder, entry) for entry in budget["pictures"])
         try:
             truth = data_uri("image/png", (pictures.folder / index["reference"]).read_bytes())
-            shown = (f'<figure><img src="{truth}" alt="reference"><figcaption><b>reference</b></figcaption></figure>'
+            shown = (f'<figure>{image(truth, "reference")}<figcaption><b>reference</b></figcaption></figure>'
                      + shown)
         except (OSError, TypeError, KeyError):
             pass

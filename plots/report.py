@@ -11,22 +11,29 @@ from string import Template
 
 import style  # first: it checks what is installed
 
+import pandas as pd
 from PIL import Image
 
 import anatomy_page
 import anatomy_results
+import choice_page
+import comparison_page
 import correctness
 import correctness_page
+import explorer
+import interactive
 import pareto_page
 import pareto_results
 import repeatability_page
 import repeatability_results
 import tables
 from cautions import cautions
+from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
-from figures import ANATOMY_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES, REPEATABILITY_FIGURES
+from figures import (ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES,
+                     REPEATABILITY_FIGURES)
 from findings import Finding, findings
-from inline import data_uri, drawing
+from inline import data_uri, drawing, image
 from over_threads import cache_rows
 from results import InputError, Setup, load, summarise
 from tables import note_line, text
@@ -106,9 +113,9 @@ def _pictures(setup: Setup) -> str:
                 buffer = io.BytesIO()
                 picture.save(buffer, "PNG", optimize=True)
                 data = buffer.getvalue()
-            about = text(_about_picture(path))
-            made.append(f'<figure><img src="{data_uri("image/png", data)}" alt="{about}">'
-                        f"<figcaption>{about}</figcaption></figure>")
+            about = _about_picture(path)
+            made.append(f'<figure>{image(data_uri("image/png", data), about, *picture.size)}'
+                        f"<figcaption>{text(about)}</figcaption></figure>")
     return f'<div class="pictures">{"".join(made)}</div>' if made else ""
 
 
@@ -178,16 +185,19 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     the rest of the page, name by anchor.
     """
     drawn, left_out = _draw(FIGURES, setup, folder)
+    laws = next((pd.read_csv(done.csv) for done in drawn if done.figure.name == "scaling_law"), None)
     figures = "".join(map(note_line, left_out))
     figures += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
                        for number, done in enumerate(drawn, 1))
     numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
-               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}")
+               f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}"
+               f"{tables.scaling_laws(laws)}")
     parts = [  # anchor, heading, link, starts a printed page, content
         ("warnings", "Before you believe a number", style.plural(len(cautions(setup)), "warning"), False,
          _warnings(setup)),
         ("leaders", "Best mechanism per workload", "Best mechanisms", False, tables.best_mechanisms(setup)),
         ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
+        ("explore", "Explore", "Explore", False, explorer.section(setup, prefix)),
         ("figures", "Figures", "Figures", True, figures),
         ("tables", "Tables", "Tables", True, numbers),
         ("environment", "Environment", "Environment", True, _environment(setup, command))]
@@ -195,9 +205,12 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
     page = f'<h2 id="{prefix}summary">{text(setup.label)}</h2>' if prefix else ""
     links = "".join(f'<a href="#{prefix}{anchor}">{link}</a>' for anchor, _, link, _, _ in parts)
     links += "".join(f'<a href="#{anchor}">{name}</a>' for anchor, name in further.items())
-    page += f"<nav>{links}</nav>{_summary(setup)}"
+    page += f'<nav>{links}</nav><h2 class="flow first" id="{prefix}choice">{choice_page.kTitle}</h2>'
+    page += choice_page.section(setup, prefix)
+    page += f'<h2 class="flow">What was measured, and what stands out</h2>{_summary(setup)}'
     for anchor, heading, _, breaks, content in parts:
-        page += f'<h2 class="{"" if breaks else "flow"}" id="{prefix}{anchor}">{heading}</h2>{content}'
+        kind = "screen" if anchor == "explore" else "" if breaks else "flow"
+        page += f'<h2 class="{kind}" id="{prefix}{anchor}">{heading}</h2>{content}'
     return page
 
 
@@ -221,6 +234,16 @@ def _measured(found: list[pareto_results.Measured], figures: list, page, out: Pa
         drawn, left_out = _draw(figures, one, folder_of(one, found, out / "figures"))
         shown = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
         made += page.section(one, one.slug, shown + "".join(map(note_line, left_out)))
+    return made
+
+
+def _differences(found: list[Comparison], out: Path) -> str:
+    """What differs between the runs, pair by pair."""
+    made = f'<h2 class="flow" id="differences">{comparison_page.kTitle}</h2>'
+    for one in found:
+        drawn, left_out = _draw(COMPARISON_FIGURES, one, out / "figures" / one.slug)
+        shown = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
+        made += comparison_page.section(one, shown + "".join(map(note_line, left_out)))
     return made
 
 
@@ -253,16 +276,20 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         label = f"{len(setups)} machines or builds"
         names = "; ".join(s.label for s in setups)
         body += (f'<p class="lead">The files come from {label} ({text(names)}). Each has a part of its own '
-                 "below: nothing is merged or compared across them.</p>")
+                 "below: nothing is merged across them. What differs stands first.</p>")
     cut = [s.label for s in setups if s.complete is False]
     if cut:
         which = f" ({text('; '.join(cut))})" if several else ""
         body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
                  "only what was measured until then.</div>")
     body += "".join(map(correctness_page.alarm, checked))
+    if several:
+        names = "".join(f'<a href="#{s.slug}-summary">{text(s.label)}</a>' for s in setups)
+        body += f"<nav>{names}</nav>{_differences(comparisons(setups), out)}"
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
-        further = {one.slug: "All methods" for one in compared[:1]}
+        further = {"differences": comparison_page.kTitle} if several else {}
+        further |= {one.slug: "All methods" for one in compared[:1]}
         further |= {one.slug: "What threads add" for one in repeated[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
@@ -272,7 +299,8 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body), encoding="utf-8")
+    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body,
+                                        scripts=interactive.scripts()), encoding="utf-8")
     return page
 
 

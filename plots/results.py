@@ -32,7 +32,7 @@ kIdentityKeys = (
     "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
 # Differences in these need no remark when files are pooled.
 kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
-             "configuration", "configuration_hash", "resumed"}
+             "configuration", "configuration_hash", "resumed", "merged"}
 
 kSecondsPerUnit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
 kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency",
@@ -42,7 +42,7 @@ kNumericColumns = (
     "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
     "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
     "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "rays",
-    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect")
+    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect", "validated_to_threads")
 kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
 
 
@@ -58,8 +58,9 @@ class Setup:
     context: dict
     contexts: list[dict]
     paths: list[Path]
-    rows: pd.DataFrame
+    rows: pd.DataFrame  # measured ones
     remarks: list[str] = field(default_factory=list)
+    simulated: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of icbench simulate: never drawn as measured
 
     def _topology(self, *names: str) -> int | None:
         """A count of what the run was allowed to use, else of the whole machine."""
@@ -206,6 +207,10 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     rows = pd.DataFrame.from_records([e for e in measured if e.get("run_type", "iteration") == "iteration"])
     if rows.empty:
         return rows
+    rows["simulated"] = simulated = [is_simulated(e) for e in entries if e.get("run_type", "iteration") == "iteration"]
+    if any(simulated):
+        remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of the figures: they were not "
+                       "measured; plots/simulated.py draws them")
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
     if failed.any():
         remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")
@@ -307,15 +312,25 @@ def load(paths) -> list[Setup]:
         names = {w: workload_label(w) for w in rows["workload"].unique()}
         rows["items_per_second"] = useful_rate(rows)
         rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
-        setup.rows = rows
+        setup.rows, setup.simulated = (part.reset_index(drop=True) for part in
+                                       (rows[~rows["simulated"]], rows[rows["simulated"]]))
+        if setup.rows.empty:
+            continue
         keys = set().union(*setup.contexts) - kFreeKeys
         unequal = sorted(k for k in keys if len({_identity(c, [k]) for c in setup.contexts}) > 1)
         if unequal:
             setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
         setups.append(setup)
     if not setups:
-        raise InputError(f"{', '.join(str(p) for p in paths)}: no rows; run the sweep again, or without "
-                         "--dry-run")
+        names = ", ".join(str(p) for p in paths)
+        if any(len(setup.simulated) for setup in groups.values()):
+            raise InputError(f"{names}: simulated, not measured; plots/simulated.py draws it")
+        raise InputError(f"{names}: no rows; run the sweep again, or without --dry-run")
+    for setup in groups.values():
+        if setup.rows.empty and len(setup.simulated):
+            setups[0].remarks.append(f"{len(setup.simulated)} simulated rows of "
+                                     f"{', '.join(path.name for path in setup.paths)} come from a machine or build of "
+                                     "which nothing measured is here, and are left out")
     _label(setups)
     return setups
 

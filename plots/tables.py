@@ -134,6 +134,37 @@ def errors(setup: Setup) -> str:
             f"time and error, over all structures.</p>{table(head, lines)}")
 
 
+def scaling_laws(laws: pd.DataFrame | None) -> str:
+    """The parameters of the fitted laws; `laws`: the data of that figure, None where there is none."""
+    if laws is None or laws.empty:
+        return ""
+    head = ('<th>cache</th><th class="n">γ, M operations/s</th><th class="n">α</th><th class="n">β</th>'
+            '<th class="n">most throughput at, threads</th>')
+    lines = []
+    for panel, part in laws.groupby("panel", sort=False):
+        lines.append(f'<tr class="head"><td colspan="5">{text(panel)}</td></tr>')
+        for cache in style.cache_order(part["cache"]):
+            line = part[part["cache"] == cache].iloc[0]
+            cells = [interval(line[n], line[f"{n}_low"], line[f"{n}_high"], scale)
+                     for n, scale in (("gamma", 1e-6), ("alpha", 1), ("beta", 1))]
+            cells.append(_peak(line))
+            lines.append(f"<tr><td>{text(cache)}</td>{''.join(f'<td class=n>{c}</td>' for c in cells)}</tr>")
+    last = f"{laws['largest_count'].min():g} to {laws['largest_count'].max():g}"
+    return ("<h3>Scaling laws</h3><details><summary>Parameters of the fitted laws</summary>"
+            f'<p class="note">Fitted to at most {last} threads without oversubscription; a peak past them, *, is an '
+            f"extrapolation. ∞: the fitted law never falls.</p>{table(head, lines)}</details>")
+
+
+def _peak(line: pd.Series) -> str:
+    """The thread count of most throughput."""
+    def number(value: float) -> str:
+        return "∞" if value == float("inf") else style.number(value)
+    shown = number(line["peak_threads"])
+    if pd.notna(line["peak_low"]):
+        shown += f" <small>[{number(line['peak_low'])}, {number(line['peak_high'])}]</small>"
+    return shown + (" *" if line["peak_threads"] > line["largest_count"] else "")
+
+
 def _setting(point: dict) -> str:
     forms = {"spp": "{:g} samples a pixel", "rays_per_record": "{:g} rays", "accuracy": "a = {:g}"}
     return ", ".join(form.format(point[key]) for key, form in forms.items() if pd.notna(point[key]))

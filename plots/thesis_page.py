@@ -16,7 +16,7 @@ import thesis_tables
 from figure import Omitted, OneLineParser, Written, write
 from figures import THESIS_FIGURES
 from grid import Grid
-from inline import data_uri, drawing
+from inline import data_uri, drawing, image
 from results import InputError
 from tables import note_line, text
 from thesis_mechanisms import kWhats
@@ -74,7 +74,7 @@ def _gallery(measured: Measured) -> str:
         for key, caption in kPictures:
             uri = _thumbnail(measured.path.parent / paths[key]) if key in paths else None
             if uri:
-                tiles.append(f'<figure><img src="{uri}" alt="{text(scene["title"])}, {text(caption)}">'
+                tiles.append(f'<figure>{image(uri, scene["title"] + ", " + caption)}'
                              f"<figcaption>{text(caption)}</figcaption></figure>")
         if not tiles:
             continue
@@ -279,7 +279,7 @@ def build(path: Path, out: Path, command: str) -> Path:
     page = out / "tables.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
     page.write_text(
-        template.substitute(title=text("icbench: the thesis's tables"), body=_html(measured, out, command)),
+        template.substitute(title=text("icbench: the thesis's tables"), body=_html(measured, out, command), scripts=""),
         encoding="utf-8")
     return page
 

@@ -247,7 +247,9 @@ def model_repeatability(scene="cornell_box", differences=None, repetitions=3, **
 
 
 def model_anatomy(repetitions=5, **context) -> dict:
-    """A file of anatomy: queries to Ward's structure take 2,000 ns, to the packed one 400, whatever the points."""
+    """A file of anatomy: queries to Ward's structure take 2,000 ns, to the packed one 400, whatever the points; a load
+    that waits for the one before 10 ns from 1 MiB, 160 from 64.
+    """
     times = {"wait_free": 2000, "replicated": 800, "packed_scalar": 700, "packed_wait_free": 400, "packed_batch": 200,
              "packed_frozen": 380, "told": 80}
     reads = {"wait_free": {"cache_lines": 90.0, "lists": 50.0, "items": 60.0, "records_read": 60.0},
@@ -266,6 +268,10 @@ def model_anatomy(repetitions=5, **context) -> dict:
                         "p": [0.0, 0.0, 0.0], "n": [0.0, 1.0, 0.0], "accuracy": 0.2, "cache_lines": 90, "lists": 50,
                         "items": 60, "records": valid}}
                 rows.append(row)
+    for mib, ns in ((1, 10.0), (64, 160.0)):
+        rows += [{"name": f"anatomy/memory/{mib}MiB", "repetition_index": repetition, "real_time": ns * 0.2,
+                  "time_unit": "ms", "block_bytes": mib * 2**20, "ns_per_load": ns}
+                 for repetition in range(repetitions)]
     return {"context": kContext | context, "benchmarks": rows}
 
 

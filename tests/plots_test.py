@@ -168,7 +168,7 @@ class Figures(InFolder):
         self.assertEqual(home[other.caches].nunique(), len(other.caches))
 
     def test_pdf_is_one_column_wide_with_truetype_fonts(self):
-        path = self.results(errors=True, caches=few_caches(("ward", "packed")))
+        path = self.results(errors=True, caches=few_caches(("ward", "packed")), threads=(1, 2, 3, 4, 6, 8, 32))
         self.good("report.py", path, "--out", self.folder)
         for figure in FIGURES:
             pdf = (self.folder / "figures" / f"{figure.name}.pdf").read_bytes()

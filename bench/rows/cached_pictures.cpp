@@ -84,6 +84,11 @@ class DeterministicOverFree : public Experiment {
   std::uint64_t seed_, count_ = 0;
 };
 
+bool is_along_axis(const glm::vec3& n) noexcept {
+  constexpr float kAlmost = 0.9999f;  // within 0.8 degrees
+  return std::max({std::fabs(n.x), std::fabs(n.y), std::fabs(n.z)}) > kAlmost;
+}
+
 // Pictures of a scene's first frame against path tracing at the same hits.
 class Judged : public Experiment {
  public:
@@ -96,7 +101,7 @@ class Judged : public Experiment {
  protected:
   struct Picture {
     double seconds;
-    std::uint64_t records;
+    std::uint64_t records, records_along_axes;
     Image indirect;
   };
 
@@ -109,7 +114,9 @@ class Judged : public Experiment {
   Picture render(const FrameRequest& r) {
     FrameRenderer renderer(r);
     const FrameCost cost = renderer.render(0);
-    return {cost.seconds_indirect, cost.pass.records, renderer.indirect()};
+    std::uint64_t along_axes = 0;
+    renderer.for_each_record([&](const Record& record) { along_axes += is_along_axis(record.n); });
+    return {cost.seconds_indirect, cost.pass.records, along_axes, renderer.indirect()};
   }
 
   /// Without the reference's own error, which is independent of the picture's; 0 where that is all there is.
@@ -138,8 +145,8 @@ double between(double x, double x0, double y0, double x1, double y1) {
 // is interpolated: radiance would count it by how white the surface is.
 class RecordsAtEqualError : public Judged {
  public:
-  RecordsAtEqualError(const Machine& machine, std::string_view scene)
-      : Judged(machine, scene), truth_(irradiance(reference_.indirect)) {
+  RecordsAtEqualError(const Machine& machine, std::string_view scene, Hits which)
+      : Judged(machine, scene), which_(which), truth_(irradiance(reference_.indirect)) {
     // Of two independent pictures of n and n / 4 samples the mean square of the difference is five times that of the
     // first one's error.
     const Reference other =
@@ -183,15 +190,17 @@ class RecordsAtEqualError : public Judged {
     r.a = a;
     const Picture p = render(r);
     const double square = square_of_difference(irradiance(p.indirect)) - own_square_;
-    return {static_cast<double>(p.records), std::sqrt(std::max(0.0, square))};
+    const std::uint64_t records = which_ == Hits::all ? p.records : p.records_along_axes;
+    return {static_cast<double>(records), std::sqrt(std::max(0.0, square))};
   }
 
-  // Of the radiance that a diffuse surface reflects; 0 where it reflects nothing.
+  // Of the radiance that a diffuse surface reflects; 0 where it reflects nothing, and at hits that do not count.
   Image irradiance(const Image& reflected) const {
     Image out = reflected;
     for (std::size_t i = 0; i < out.pixels.size(); ++i) {
       const Hit& hit = primary_.hits[i];
-      const glm::vec3 albedo = reflects(stage_.rays(), hit) ? stage_.rays().albedo(hit) : glm::vec3(0.0f);
+      const bool counts = reflects(stage_.rays(), hit) && (which_ == Hits::all || is_along_axis(hit.n));
+      const glm::vec3 albedo = counts ? stage_.rays().albedo(hit) : glm::vec3(0.0f);
       for (int c = 0; c < 3; ++c)
         out.pixels[i][c] = albedo[c] > 0.0f ? std::numbers::pi_v<float> / albedo[c] * out.pixels[i][c] : 0.0f;
     }
@@ -202,6 +211,7 @@ class RecordsAtEqualError : public Judged {
     return error * error;
   }
 
+  Hits which_;
   Image truth_;
   double own_square_ = 0.0;  // mean square of its own error
   std::size_t fine_ =
@@ -352,8 +362,9 @@ std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std:
   return std::make_unique<DeterministicOverFree>(machine, scene, integrator);
 }
 
-std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene) {
-  return std::make_unique<RecordsAtEqualError>(machine, scene);
+std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene,
+                                                   Hits which) {
+  return std::make_unique<RecordsAtEqualError>(machine, scene, which);
 }
 
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,

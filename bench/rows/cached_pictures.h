@@ -19,9 +19,15 @@ inline constexpr std::array<std::string_view, 11> kDiffuseScenes{
 std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
                                                     std::string_view integrator);
 
+/// Where a picture is judged: everywhere, or where normals are along an axis, as on walls and boxes, not on what is
+/// curved.
+enum class Hits : std::uint8_t { all, along_axes };
+
 /// Records that the occlusion Hessian needs over those that the split sphere needs for the same root-mean-square error
-/// of irradiance against path tracing, the reference's own error taken out. A sample is one seed. Needs no quiet.
-std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene);
+/// of irradiance against path tracing, the reference's own error taken out; of both, those at such hits. A sample is
+/// one seed. Needs no quiet.
+std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene,
+                                                   Hits which);
 
 /// Relative mean squared error of the best cached picture that takes no longer than path tracing with `spp` samples,
 /// over that of the latter; the reference's own taken out of both. A sample is one seed.

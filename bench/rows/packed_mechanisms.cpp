@@ -25,6 +25,7 @@ std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string
   if (cache == PackedSharedMutex<>::kTraits.name) return over.template operator()<PackedSharedMutex>();
   if (cache == PackedSpinRwMutex<>::kTraits.name) return over.template operator()<PackedSpinRwMutex>();
   if (cache == PackedDistributedRw<>::kTraits.name) return over.template operator()<PackedDistributedRw>();
+  if (cache == PackedNodeLock<>::kTraits.name) return over.template operator()<PackedNodeLock>();
   throw std::runtime_error("no row compares with cache " + std::string(cache));
 }
 

@@ -117,7 +117,7 @@ void add_packed(std::vector<Row>& rows) {
       Relation::at_least, 0.90, packed_snapshot_mix);
   for (const std::string_view lock :
        {"packed_global_mutex", "packed_global_spin", "packed_queuing_mutex", "packed_shared_mutex",
-        "packed_spin_rw_mutex", "packed_distributed_rw"}) {
+        "packed_spin_rw_mutex", "packed_distributed_rw", "packed_node_lock"}) {
     add(fmt::format("packed_over_{}", lock.substr(7)),
         fmt::format("miss-driven throughput at 1 us a record, 4 threads a unit: packed_wait_free / {}", lock),
         Relation::at_least, 1.6, [lock](const Machine& machine) { return packed_over_lock(machine, lock); });
@@ -176,11 +176,18 @@ void add_pictures(std::vector<Row>& rows) {
     }
   }
   for (const std::string_view scene : kDiffuseScenes) {
-    add(fmt::format("records_{}", scene),
-        fmt::format("records of {} for the same root-mean-square error of irradiance: occlusion Hessian / "
-                    "split sphere",
-                    scene),
-        0.5, [scene](const Machine& machine) { return records_at_equal_error(machine, scene); });
+    for (const auto& [which, in_name, in_words] :
+         {std::tuple{Hits::all, "", ""},
+          std::tuple{Hits::along_axes, "_flat", " where normals are along axes"}}) {
+      add(fmt::format("records{}_{}", in_name, scene),
+          fmt::format(
+              "records of {} for the same root-mean-square error of irradiance{}: occlusion Hessian / "
+              "split sphere",
+              scene, in_words),
+          0.5, [scene, which = which](const Machine& machine) {
+            return records_at_equal_error(machine, scene, which);
+          });
+    }
     for (const std::uint32_t spp : {16u, 64u}) {
       add(fmt::format("error_at_{}_paths_{}", spp, scene),
           fmt::format(

@@ -26,22 +26,23 @@
 
 namespace icbench {
 
-template <class Sync>
+/// Cells under `Sync`, whose pools and levels in use, which all sessions share, are under `SharedSync`.
+template <class Sync, class SharedSync = Sync>
 class PackedCells {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
 
   static constexpr std::size_t kLineBytes = 64, kNodeBytes = 64, kCellBytes = 192, kMoreBytes = 384,
                                kEntryBytes = 12, kBrickBytes = 72 * kEntryBytes;
-  using Grid = Arena<Sync, kEntryBytes>;
-  using Bricks = Arena<Sync, kBrickBytes>;
-  using Nodes = Arena<Sync, kNodeBytes>;
-  using Cells = Arena<Sync, kCellBytes>;
-  using More = Arena<Sync, kMoreBytes>;
+  using Grid = Arena<SharedSync, kEntryBytes>;
+  using Bricks = Arena<SharedSync, kBrickBytes>;
+  using Nodes = Arena<SharedSync, kNodeBytes>;
+  using Cells = Arena<SharedSync, kCellBytes>;
+  using More = Arena<SharedSync, kMoreBytes>;
 
  public:
   /// What does not fit into a cell's lanes.
-  using List = SlotPool<Sync, Sync, AtFirstSight, UnitIndex>;
+  using List = SlotPool<Sync, SharedSync, AtFirstSight, UnitIndex>;
 
   // Invariant: words that hold an index go from 0 to it once between clears.
   struct Branch {
@@ -102,8 +103,9 @@ class PackedCells {
     plant();
   }
 
-  /// The grid's finest level.
+  /// The grid's finest level, and the finest of the levels that are there as a whole.
   int grid_level() const noexcept { return grid_level_; }
+  int top_level() const noexcept { return grid_level_ - kBrickLevels; }
 
   /// A bit for every level above the grid's finest that has cells with records.
   std::uint32_t levels_in_use() const noexcept {
@@ -239,8 +241,6 @@ class PackedCells {
   }
   // Entries of the levels above `level`: (8^level - 1) / 7.
   static constexpr std::uint32_t grid_begin(int level) noexcept { return ((1u << (3 * level)) - 1) / 7; }
-  // The finest of the levels that are there as a whole.
-  int top_level() const noexcept { return grid_level_ - kBrickLevels; }
   std::uint32_t top_cells() const noexcept { return 1u << (3 * top_level()); }
   std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
 
@@ -294,7 +294,7 @@ class PackedCells {
   Nodes nodes_;
   Cells cells_;
   More more_;
-  Atomic<std::uint32_t> levels_in_use_{0};
+  typename SharedSync::template Atomic<std::uint32_t> levels_in_use_{0};
 };
 
 }  // namespace icbench

@@ -2,7 +2,8 @@
 // (caches/packed_reach.h); a query walks one path from the root and tests the records of the cells on it.
 //
 // Use: this is a *structure*. Packed<PlainSync> is the sequential one that locks and thread-local copies wrap;
-// Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one. All are this code.
+// Packed<StdSync> is the wait-free cache, Packed<StdSync, Snapshot> the linearizable one; under SpinNodeLock<> it has a
+// lock for every region (caches/packed_regions.h). All are this code.
 //
 // Memory. What cells are made of and where they are is said in caches/packed_cells.h: lanes of 8 bytes of a record
 // (caches/packed_lanes.h), tested many at once, and a list for what does not fit. A record is 44 bytes and its mark,
@@ -61,16 +62,24 @@
 
 #include "caches/packed_cells.h"
 #include "caches/packed_filter.h"
+#include "caches/packed_regions.h"
 #include "core/cache.h"
 
 namespace icbench {
 
-template <class Sync, class Visibility = AtFirstSight, class Lanes = SimdLanes>
+template <class Sync, class Visibility = AtFirstSight, class Lanes = SimdLanes, class NodeLock = NoNodeLock>
 class Packed {
   template <class T>
   using Atomic = typename Sync::template Atomic<T>;
   using Marks = typename Visibility::template In<Sync>;
-  using Cells = PackedCells<Sync>;
+
+ public:
+  /// Under a lock per region the cells are plain memory, but sessions still allocate side by side.
+  using SharedSync = typename NodeLock::template Shared<Sync>;
+
+ private:
+  using Cells = PackedCells<Sync, SharedSync>;
+  using Regions = PackedRegions<NodeLock>;
   using Cell = typename Cells::Cell;
   using Branch = typename Cells::Branch;
   using List = typename Cells::List;
@@ -82,10 +91,9 @@ class Packed {
     Record record;
   };
   static_assert(sizeof(Stored) <= kLineBytes, "a record is two cache lines at most");
-  using Table = Arena<Sync, sizeof(Stored)>;
+  using Table = Arena<SharedSync, sizeof(Stored)>;
 
  public:
-  using SharedSync = Sync;
   static constexpr std::string_view kPrefix = "packed_";
   static constexpr std::string_view kStructure = "packed";
   static constexpr CacheTraits kTraits = [] {
@@ -100,6 +108,16 @@ class Packed {
                          single_thread,
                          "this project"};
     };
+    if (NodeLock::kOn) {
+      return CacheTraits{"packed_node_lock",
+                         kStructure,
+                         "node_lock",
+                         ProgressGuarantee::blocking,
+                         ProgressGuarantee::blocking,
+                         Consistency::per_record_linearizable,
+                         false,
+                         "a lock per region"};
+    }
     if (!Sync::kConcurrent) return wait_free("packed_sequential", "none", Consistency::linearizable, true);
     if (Visibility::kIsSnapshot)
       return wait_free("packed_wait_free_snapshot", "wait_free_snapshot", Consistency::linearizable, false);
@@ -157,6 +175,7 @@ class Packed {
         a_max_(config.a_max),
         sessions_(config.max_sessions),
         cells_(config.capacity, sessions_, kSpareRoom, is_large(config)),
+        regions_(cells_.top_level()),
         table_(config.capacity + 2 * sessions_ * kIdlePlaces, is_large(config)),
         list_(kSpareRoom * config.capacity * kWorstListUnits + sessions_ * List::kIdleUnits) {}
 
@@ -166,8 +185,12 @@ class Packed {
     const UnitIndex place = take_place(workspace);
     if (place == 0) return false;
     const PackedReach reach(addressing_, r, a_max_);
+    const int level = level_from(reach);
     Insertion insertion(workspace, reach);
-    if (!reserve(insertion, counters)) {
+    // A full cell is split once.
+    typename Regions::template InsertScope<Counters> scope(regions_, reach, level, reach.level() + 1,
+                                                           counters);
+    if (!reserve(insertion, level, counters)) {
       workspace.spare_place_ = place;
       return false;
     }
@@ -183,7 +206,10 @@ class Packed {
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
     Walk walk;
-    begin(walk, x, a);
+    const GridPoint u = addressing_.quantise(x.p);
+    const std::uint32_t levels = cells_.levels_in_use();
+    typename Regions::template VisitScope<Counters> scope(regions_, u, levels, counters);
+    begin(walk, x, a, u, levels);
     while (step(walk)) {
     }
     look(walk);
@@ -199,9 +225,15 @@ class Packed {
   template <class Counters, class Visitors>
   void visit_batch(std::span<const SurfacePoint> points, float a, Counters& counters,
                    Visitors visitors) noexcept {
-    std::array<Walk, kBatch> walks;
     const std::size_t n = points.size();
-    for (std::size_t i = 0; i < n; ++i) begin(walks[i], points[i], a);
+    if constexpr (NodeLock::kOn) {  // one after the other: locks of two visits are in no order
+      for (std::size_t i = 0; i < n; ++i) visit(points[i], a, counters, visitors[i]);
+      return;
+    }
+    std::array<Walk, kBatch> walks;
+    const std::uint32_t levels = cells_.levels_in_use();
+    for (std::size_t i = 0; i < n; ++i)
+      begin(walks[i], points[i], a, addressing_.quantise(points[i].p), levels);
     for (unsigned under_way = (1u << n) - 1; under_way != 0;) {
       for (unsigned rest = under_way; rest != 0; rest &= rest - 1) {
         const auto i = static_cast<unsigned>(std::countr_zero(rest));
@@ -276,7 +308,7 @@ class Packed {
   }
 
   /// Bytes that the structure has whatever is in it.
-  std::size_t fixed_bytes() const noexcept { return cells_.fixed_bytes(); }
+  std::size_t fixed_bytes() const noexcept { return cells_.fixed_bytes() + regions_.bytes(); }
 
   /// Bytes that `workspace` has allocated.
   static std::size_t bytes(const Workspace& workspace) noexcept {
@@ -358,11 +390,16 @@ class Packed {
     return w.table_.allocate(table_, 1, kTablePiece);
   }
 
-  /// Reserves a copy in every cell that the record is to be in; false if a pool is used up.
+  /// The coarsest level at which a cell may take a record: cells that take guests are of the grid or below.
+  int level_from(const PackedReach& reach) const noexcept {
+    return std::max(std::min(reach.level(), cells_.grid_level()), reach.level() - kGuestLevels);
+  }
+
+  /// Reserves a copy in every cell that the record is to be in; false if a pool is used up. `level`: from which on cells
+  /// may take it.
   template <class Counters>
-  bool reserve(Insertion& insertion, Counters& counters) noexcept {
+  bool reserve(Insertion& insertion, int level, Counters& counters) noexcept {
     const PackedReach& reach = insertion.reach;
-    const int level = std::max(std::min(reach.level(), cells_.grid_level()), reach.level() - kGuestLevels);
     const int from = std::min(level, cells_.grid_level());
     const auto [low, high] = reach.cells(from);
     for (std::int32_t z = low.z; z <= high.z; ++z) {
@@ -447,14 +484,13 @@ class Packed {
     copy.cell->mask.fetch_add(std::uint64_t{1} << copy.lane, std::memory_order_release /* P6 */);
   }
 
-  void begin(Walk& walk, const SurfacePoint& x, float a) noexcept {
-    walk.u = addressing_.quantise(x.p);
+  void begin(Walk& walk, const SurfacePoint& x, float a, const GridPoint& u, std::uint32_t levels) noexcept {
+    walk.u = u;
     walk.p = addressing_.to_grid(x.p);
     walk.share = make_lane_share(a, a_max_);
     walk.moment = marks_.moment();
     walk.cells = walk.strips = walk.kept = 0;
-    for (std::uint32_t rest = cells_.levels_in_use(); rest != 0; rest &= rest - 1)
-      go_by(walk, std::countr_zero(rest));
+    for (std::uint32_t rest = levels; rest != 0; rest &= rest - 1) go_by(walk, std::countr_zero(rest));
     const Branch& branch = go_by(walk, cells_.grid_level());
     walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
     walk.level = cells_.grid_level() + 1;
@@ -597,12 +633,13 @@ class Packed {
   LaneKernels kernels_ = Lanes::best();
   std::uint64_t sessions_;
   Cells cells_;
+  [[no_unique_address]] Regions regions_;
   Table table_;
   List list_;
   [[no_unique_address]] Marks marks_;
   // Places that dropped records left. Changed at rest only; sessions take batches of it, as of an arena.
   std::vector<UnitIndex> freed_;
-  alignas(kNoSharing) Atomic<std::uint64_t> next_freed_{0};
+  alignas(kNoSharing) typename SharedSync::template Atomic<std::uint64_t> next_freed_{0};
 };
 
 }  // namespace icbench

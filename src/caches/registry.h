@@ -37,6 +37,7 @@
   X(packed_shared_mutex, PackedSharedMutex) \
   X(packed_spin_rw_mutex, PackedSpinRwMutex) \
   X(packed_distributed_rw, PackedDistributedRw) \
+  X(packed_node_lock, PackedNodeLock) \
   X(packed_local_write, PackedLocalWrite) \
   X(packed_wait_free, PackedWaitFree) \
   X(packed_wait_free_snapshot, PackedWaitFreeSnapshot) \
@@ -89,6 +90,9 @@ template <class Counters = NoCounters>
 using PackedSpinRwMutex = Locked<PlainPacked, SpinRwMutex, Counters>;
 template <class Counters = NoCounters>
 using PackedDistributedRw = Locked<PlainPacked, DistributedRw<>, Counters>;
+template <class Counters = NoCounters>
+using PackedNodeLock =
+    Direct<Packed<PlainSync, AtFirstSight, SimdLanes, SpinNodeLock<>>, Counters>;
 template <class Counters = NoCounters>
 using PackedLocalWrite = LocalWrite<Packed<StdSync>, PlainPacked, Counters>;
 template <class Counters = NoCounters>

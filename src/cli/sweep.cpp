@@ -23,7 +23,7 @@ struct SweepOptions {
   std::uint64_t seed = 1;
   std::uint32_t latency_every = 16;
   std::uint32_t reference_spp = 1024;
-  bool resume = false, dry_run = false;
+  bool resume = false, dry_run = false, list = false;
 };
 
 /// Powers of two up to the processing units, these, and four times as many.
@@ -127,6 +127,11 @@ void estimate(Sweep& sweep, const Topology& topology) {
              "in all", trials, format_duration(total));
 }
 
+void print_names(const Sweep& sweep) {
+  for (std::size_t w = 0; w < sweep.request().workloads.size(); ++w)
+    for (const SweepPoint& point : sweep.points(w, 0)) fmt::print("{}\n", sweep.name_of(point));
+}
+
 void sweep_command(const SweepOptions& o) {
   const Topology topology = Topology::of_this_process();
   const SweepRequest request = request_of(o, topology);
@@ -139,6 +144,7 @@ void sweep_command(const SweepOptions& o) {
   const nlohmann::ordered_json configuration = configuration_of(request, context);
 
   Sweep sweep(request, topology);
+  if (o.list) return print_names(sweep);
   if (o.dry_run) return estimate(sweep, topology);
   context["work_calibration"] = sweep.work().calibration().to_json();
   context["tick_rate"] = sweep.tick_rate().to_json();
@@ -216,6 +222,7 @@ void add_sweep(CLI::App& app) {
       ->capture_default_str();
   sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
   sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
+  sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing");
   sweep->callback([o] { sweep_command(*o); });
 }
 

@@ -1,0 +1,254 @@
+"""The claims of README.md: one place, nothing that drifts apart, judged and released by what stands in bench/."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+kRoot = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(kRoot / "bench"))
+import claims  # noqa: E402
+
+PATIENCE = 120  # seconds
+kPrograms = Path(os.environ.get("ICBENCH", kRoot / "build/release/bin/icbench")).parent
+kMend = "bring bench/claims.json up to date, then ARTIFACT.md by bench/artifact --write"
+
+
+def text_of(name):
+    """A page's words, whatever its lines."""
+    return " ".join((kRoot / name).read_text(encoding="utf-8").split())
+
+
+class Claims(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        cls.rows = claims.known_rows(kPrograms / "targets")
+        cls.all = [claim for _, section in claims.load_claims()[1] for claim in section]
+
+    def test_each_names_a_row_or_a_program_once(self):
+        names = [claims.name_of(claim) for claim in self.all]
+        self.assertEqual(len(set(names)), len(names))
+        for claim in self.all:
+            if "row" in claim:
+                self.assertIn(claim["row"], self.rows, kMend)
+                continue
+            for command in claim["command"].split(" && "):
+                program = command.split()[0]
+                path = kPrograms / Path(program).name if program.startswith("build/release/bin/") else kRoot / program
+                self.assertTrue(path.exists() or shutil.which(program), program)
+
+    def test_readme_has_their_figures_and_no_others(self):
+        readme = text_of("README.md")
+        told = [text for claim in self.all if "row" in claim
+                for text in (claim.get("readme", claim["claimed"]), claim.get("also")) if text]
+        for text in told:
+            self.assertIn(text, readme, kMend)
+        # In tables: what the words between them say of single runs is no claim.
+        tables = " ".join(line for line in (kRoot / "README.md").read_text(encoding="utf-8").splitlines()
+                          if line.startswith("|"))
+        for figure in re.findall(rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]", tables):
+            if figure not in told:
+                self.assertIn(figure, kNotClaimed, f"README.md's {figure} is in no claim; {kMend}")
+
+    def test_verdicts_follow_from_figures_and_targets(self):
+        for claim in self.all:
+            if "row" not in claim:
+                continue
+            low, high = claims.interval_of(claim["claimed"])
+            target, _ = self.rows[claim["row"]]
+            value = float(target.split()[-1])
+            # A bound of the interval that was rounded onto the target may lie on either side.
+            sides = {"pass": high <= value, "fail": low > value, "undecided": low <= value <= high}
+            if target.startswith("at least"):
+                sides = {"pass": low >= value, "fail": high < value, "undecided": low <= value <= high}
+            near = min(abs(low - value), abs(high - value)) <= 0.5 * 10.0 ** -decimals(claim["claimed"])
+            self.assertTrue(sides[claim["verdict"]] or near, f"{claim['row']}: {claim['claimed']}, {target}; {kMend}")
+
+    def test_artifact_page_has_their_tables(self):
+        page = (kRoot / "ARTIFACT.md").read_text(encoding="utf-8")
+        self.assertTrue(page.endswith("\n\n" + claims.tables(self.rows)), kMend)
+        self.assertIn(claims.load_claims()[0], text_of("ARTIFACT.md"), kMend)
+
+    def test_the_quick_path_takes_at_most_half_an_hour(self):
+        self.assertLessEqual(sum(claim.get("seconds", 0) for claim in self.all if claim.get("quick")), 1800)
+
+
+# Intervals of README.md's tables that are told beside a claim's: of another setting.
+kNotClaimed = {"0.005 [0.005, 0.006]"}
+
+
+def decimals(text):
+    return len(re.search(claims.kNumber, text)[0].partition(".")[2])
+
+
+# Stands in for bench/targets: answers as $ANSWERS says, a JSON object by row, and counts its calls in a file.
+kTargets = """#!{python}
+import json, os, sys
+if sys.argv[1:] == ["--list"]:
+    os.execv({targets!r}, ["targets", "--list"])
+name, path = (sys.argv[sys.argv.index(option) + 1] for option in ("--rows", "--json"))
+open({calls!r}, "a").write(name + "\\n")
+answer = json.loads(os.environ["ANSWERS"]).get(name)
+if answer is None:
+    print("targets: no such luck", file=sys.stderr)
+    sys.exit(2)
+json.dump([{{"name": name, "samples": 11, "why": "", **answer}}], open(path, "w"))
+"""
+
+
+class Judging(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="icbench-artifact-")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.calls = self.folder / "calls"
+        (self.folder / "bin").mkdir()
+        for name in ("icbench", "icstress", "targets"):
+            program = self.folder / "bin" / name
+            program.write_text(kTargets.format(python=sys.executable, targets=str(kPrograms / "targets"),
+                                               calls=str(self.calls)))
+            program.chmod(0o755)
+
+    def artifact(self, *arguments, **answers):
+        return subprocess.run([kRoot / "bench/artifact", "--programs", self.folder / "bin", "--out",
+                               self.folder / "out", *arguments], text=True, capture_output=True, timeout=PATIENCE,
+                              env={**os.environ, "ANSWERS": json.dumps(answers)})
+
+    def judged(self, row, verdict, low, high):
+        """The word on a claim that is measured as that interval, and the exit status."""
+        done = self.artifact("--only", row, **{row: {"median": (low + high) / 2, "low": low, "high": high,
+                                                     "verdict": verdict}})
+        shutil.rmtree(self.folder / "out")
+        line, = [line for line in done.stdout.splitlines() if line.startswith(row + " ")]
+        return re.split("  +", line)[-1], done.returncode
+
+    def test_what_is_measured_is_held_to_what_is_claimed(self):
+        # Claimed: 2.234 [2.171, 2.278], at least 1.6.
+        row = "wait_free_over_global_mutex"
+        self.assertEqual(self.judged(row, "pass", 2.27, 2.4), ("in", 0))
+        self.assertEqual(self.judged(row, "pass", 2.3, 2.4), ("out", 0))
+        self.assertEqual(self.judged(row, "undecided", 1.5, 1.7), ("out", 0))
+        self.assertEqual(self.judged(row, "fail", 1.2, 1.4), ("out, but pass became fail", 1))
+        # A miss that is none here is no reproduction either.
+        self.assertEqual(self.judged("packed_query_speed", "pass", 13.0, 14.0), ("out, but fail became pass", 1))
+
+    def test_an_interrupted_run_goes_on(self):
+        one, two = "wait_free_over_global_mutex", "checker_speed"
+        answer = {"median": 2.2, "low": 2.1, "high": 2.3, "verdict": "pass"}
+        done = self.artifact("--only", f"{one},{two}", **{one: answer})
+        self.assertEqual((done.returncode, done.stderr), (2, f"bench/artifact: {two}: targets: no such luck\n"))
+        done = self.artifact("--only", f"{one},{two}", **{two: answer})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("2 claims", done.stdout)
+        self.assertEqual(self.calls.read_text().split(), [one, two, two])
+
+    def test_what_the_machine_did_not_yield_is_measured_again(self):
+        row = "wait_free_read_only_scaling"
+        nothing = {"median": None, "low": None, "high": None, "verdict": "skipped", "why": "not idle"}
+        done = self.artifact("--only", row, **{row: nothing})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("skipped: not idle", done.stdout)
+        done = self.artifact("--only", row, **{row: {"median": 0.99, "low": 0.98, "high": 1.0, "verdict": "pass"}})
+        self.assertIn("1 in;", done.stdout)
+
+    def test_checks_hold_or_do_not(self):
+        # The stand-in fails whatever it is asked.
+        claim = {"check": "c", "claim": "", "command": "printf '1 of 1\\n'", "says": "1 of 1"}
+        judge = claims.Judge(self.folder, self.folder / "bin")
+        self.assertEqual(judge.measured(claim)["verdict"], "holds")
+        for change in {"says": "2 of 2"}, {"command": "printf '1 of 1\\n'; false"}:
+            self.assertEqual(judge.measured({**claim, **change, "check": "d"})["verdict"], "does not hold")
+
+    def test_the_quick_path_ends_in_time(self):
+        claim = {"row": "checker_speed"}
+        judge = claims.Judge(self.folder, self.folder / "bin")
+        with self.assertRaises(claims.TimeUp):
+            judge.measured(claim, deadline=0.0)
+        # One that is under way ends, too.
+        (self.folder / "bin/targets").write_text("#!/bin/sh\nexec tail -f /dev/null\n")
+        with self.assertRaises(claims.TimeUp):
+            judge.measured(claim, deadline=time.monotonic() + 0.1)
+
+    def test_bad_input_is_one_line(self):
+        for arguments, says in ((["--only", "nosuch"], "no claim 'nosuch'"), (["--fast"], "--fast"),
+                                (["--programs", "/nosuch"], "/nosuch/targets"), (["--out", "/dev/null/x"], "--out")):
+            done = self.artifact(*arguments)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+\n\Z")
+            self.assertIn(says, done.stderr)
+
+
+@unittest.skipUnless(shutil.which("git") and (kRoot / ".git").exists(), "not in a clone")
+class Release(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="icbench-release-")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.clone, self.results = self.folder / "clone", self.folder / "clone/results"
+        # A repository of this release script and pages, whatever is not committed here.
+        (self.clone / "bench").mkdir(parents=True)
+        for name in "bench/release", "bench/setup", "bench/packages.txt", "README.md", "ARTIFACT.md", ".gitignore":
+            shutil.copy(kRoot / name, self.clone / name)
+        self.git("init", "-q")
+        self.git("add", "-A")
+        self.git("-c", "user.name=t", "-c", "user.email=t@t", "commit", "-q", "-m", "t")
+        self.results.mkdir()
+        for name in ("results", "pareto", "repeatability_irradiance_cache", "repeatability_instant_caching", "anatomy"):
+            self.write(name, complete=True)
+        (self.results / "correctness.json").write_text('{"checks": []}')
+
+    def git(self, *arguments):
+        subprocess.run(["git", "-C", self.clone, *arguments], check=True, timeout=PATIENCE)
+
+    def write(self, name, **context):
+        context = {"commit": "abc123", "dirty": False, **context}
+        (self.results / f"{name}.json").write_text(json.dumps({"context": context, "benchmarks": []}))
+
+    def release(self):
+        return subprocess.run([self.clone / "bench/release", self.folder / "out"], text=True, capture_output=True,
+                              timeout=PATIENCE)
+
+    def test_a_release_is_whole_and_checked(self):
+        done = self.release()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        out = self.folder / "out"
+        self.assertEqual(done.stdout, f"{out.resolve()}\n")
+        listed = {line.split()[1] for line in (out / "SHA256SUMS").read_text().splitlines()}
+        there = {f"./{path.relative_to(out)}" for path in out.rglob("*") if path.is_file()}
+        self.assertEqual(listed, there - {"./SHA256SUMS"})
+        for name in "source.tar.gz", "environment.txt", "ARTIFACT.md", "results/pareto.json":
+            self.assertIn(f"./{name}", listed)
+        self.assertIn("abc123 pareto.json", (out / "commit.txt").read_text())
+        (out / "results/pareto.json").write_text("{}")
+        checked = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=out, capture_output=True)
+        self.assertNotEqual(checked.returncode, 0)
+
+    def test_what_is_not_whole_is_refused(self):
+        def refused(says):
+            done = self.release()
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, r"\Abench/release: [^\n]+\n\Z")
+            self.assertIn(says, done.stderr)
+            self.assertFalse((self.folder / "out").exists())
+
+        for context, says in (({"complete": False}, "is not complete"), ({"dirty": True}, "not committed")):
+            self.write("pareto", **context)
+            refused(says)
+        (self.results / "pareto.json").write_text('{"context": {')
+        refused("is damaged")
+        (self.results / "pareto.json").unlink()
+        refused("no ")
+        self.write("pareto", complete=True)
+        (self.clone / "README.md").write_text("changed")
+        refused("has changes that are not committed (README.md)")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,229 @@
+#!/usr/bin/python3
+"""The report in a real browser: headless Chromium clicks, types and presses keys in it, and looks at what it shows.
+
+Skipped, with a word, where Chromium is not installed; everything else about the page is tested without it.
+"""
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+from plots_support import few_caches, model_results, write_results
+
+import browser
+import choice
+import choice_page
+import report
+import results
+
+kSkipped = 77  # the exit status that ctest takes for that
+kWorkloads = ("mix_90_10:order=hot_spot", "miss_driven:cost=1", "miss_driven:cost=16", "miss_driven:cost=64")
+kRight, kLeft, kEscape, kSpace = ("ArrowRight", 39), ("ArrowLeft", 37), ("Escape", 27), (" ", 32)
+
+
+class InBrowser(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        folder = Path(cls.folder.name)
+        cls.data = model_results(caches=few_caches(), workloads=kWorkloads, threads=(1, 2, 4, 8, 32), repetitions=3)
+        path = write_results(folder / "results.json", cls.data)
+        cls.setup = results.load([path])[0]
+        # The figures are tested elsewhere, and are most of the time that a page takes to make.
+        figures, report.FIGURES[:] = report.FIGURES[:], report.FIGURES[:1]
+        try:
+            cls.page_file = report.build([path], [], [], [], [], folder / "out", "test")
+        finally:
+            report.FIGURES[:] = figures
+        cls.browser = browser.Browser()
+        cls.addClassCleanup(cls.browser.__exit__)
+
+    def setUp(self):
+        self.page = self.browser.open(self.page_file)
+        self.addCleanup(self.page.close)
+
+    def text(self, selector: str) -> str:
+        return self.page.value(f"document.querySelector({json.dumps(selector)}).textContent")
+
+    def count(self, selector: str) -> int:
+        return self.page.value(f"document.querySelectorAll({json.dumps(selector)}).length")
+
+    def drawn(self) -> list[list[str]]:
+        """The names of the lines of every chart, as Chart.js has them."""
+        return self.page.value("""[...document.querySelectorAll(".charts canvas")].map(
+            (canvas) => Chart.getChart(canvas).data.datasets.map((set) => set.label))""")
+
+    def median(self, workload: str, cache: str, threads: int) -> float:
+        rows = self.setup.rows
+        mine = rows[(rows["workload"] == workload) & (rows["cache"] == cache) & (rows["threads"] == threads)]
+        return float(mine["items_per_second"].median()) * 1e-6
+
+    def test_it_opens_without_a_complaint_or_a_request(self):
+        self.assertEqual(self.page.complaints(), [])
+        self.assertEqual(self.page.value("performance.getEntriesByType('mark').map((m) => m.name)"),
+                         ["icbench-choice", "icbench-explorer"])
+
+    def test_nothing_can_be_loaded_from_elsewhere(self):
+        blocked = self.page.value("""new Promise((done) => {
+            document.addEventListener("securitypolicyviolation", (event) => done(event.violatedDirective));
+            const image = new Image();
+            image.src = "file:///nowhere.png";
+        })""")
+        self.assertEqual(blocked, "img-src")
+
+    def test_charts_follow_what_is_picked(self):
+        before = self.drawn()
+        self.assertEqual(len(before), 2)
+        self.assertIn("packed_wait_free", before[0])
+        self.page.click(".explorer .caches label:last-child input")
+        self.assertEqual(self.drawn(), [names[:-1] for names in before])
+        self.page.click(".explorer button[data-none]")
+        self.assertEqual(self.drawn(), [[], []])
+        self.assertIn("Nothing of what is picked", self.text(".explorer .said"))
+        self.page.click(".explorer button[data-all]")
+        self.assertEqual(self.drawn(), before)
+        self.page.click(".explorer .workloads label:nth-child(3) input")
+        self.assertEqual(len(self.drawn()), 3)
+        self.page.click(".explorer .threads label:nth-of-type(1) input")
+        self.assertEqual(self.page.value("""Chart.getChart(document.querySelector(".charts canvas"))
+            .data.datasets.find((set) => set.label === "packed_wait_free").data.map((p) => p.x)"""), [2, 4, 8, 32])
+
+    def test_values_under_the_pointer(self):
+        self.page.hover(".charts canvas")
+        told = self.page.value("""(() => {
+            const {title, body, dataPoints} = Chart.getChart(document.querySelector(".charts canvas")).tooltip;
+            return {title, lines: body.flatMap((b) => b.lines), opacity:
+                    Chart.getChart(document.querySelector(".charts canvas")).tooltip.opacity,
+                    x: dataPoints[0].raw.x};
+        })()""")
+        self.assertEqual(told["opacity"], 1)
+        expected = self.median(kWorkloads[0], "packed_wait_free", told["x"])
+        line = next(line for line in told["lines"] if line.startswith("packed_wait_free:"))
+        self.assertAlmostEqual(float(line.split()[1]), expected, delta=0.006 * expected)
+        self.assertRegex(line, r"\[[\d.]+, [\d.]+\] M operations/s, n = 3$")
+        values = [float(line.split()[1]) for line in told["lines"]]
+        self.assertEqual(values, sorted(values, reverse=True))
+
+    def test_values_by_the_keyboard(self):
+        self.page.value("document.querySelector('.charts canvas').focus()")
+        self.page.press(*kRight)
+        self.assertTrue(self.text(".explorer .said").startswith("1 thread. "))
+        self.page.press(*kRight)
+        said = self.text(".explorer .said")
+        expected = self.median(kWorkloads[0], "packed_wait_free", 2)
+        self.assertTrue(said.startswith("2 threads. "), said)
+        self.assertIn(f"packed_wait_free: {expected:.1f} [", said)
+        self.page.press(*kLeft)
+        self.assertTrue(self.text(".explorer .said").startswith("1 thread. "))
+        self.page.press(*kEscape)
+        self.assertEqual(self.text(".explorer .said"), "")
+        self.page.value("document.querySelector('.explorer .caches input').focus()")
+        checked = len(self.drawn()[0])
+        self.page.press(*kSpace)
+        self.assertEqual(len(self.drawn()[0]), checked - 1)
+
+    def test_the_cost_of_a_record_as_the_axis(self):
+        self.page.value("""(() => {
+            const axis = document.querySelector(".explorer select[name=axis]");
+            axis.value = "cost";
+            axis.dispatchEvent(new Event("change", {bubbles: true}));
+        })()""")
+        line = self.page.value("""Chart.getChart(document.querySelector(".charts canvas"))
+            .data.datasets.find((set) => set.label === "packed_wait_free").data""")
+        self.assertEqual([p["x"] for p in line], [1, 16, 64])
+        # One thread count is picked then: the largest that fits the processing units.
+        for point, workload in zip(line, kWorkloads[1:]):
+            expected = self.median(workload, "packed_wait_free", 8)
+            self.assertAlmostEqual(point["y"], expected, delta=1e-3 * expected)
+        self.page.click(".explorer .threads label:nth-of-type(1) input")
+        self.assertEqual(self.page.value("""[...document.querySelectorAll(".explorer .threads input")]
+            .filter((i) => i.checked).map((i) => i.value)"""), ["1"])
+
+    def test_the_numbers_as_a_table(self):
+        self.assertEqual(self.count(".explorer .numbers table"), 0)
+        self.page.click(".explorer .numbers summary")
+        self.page.value("""new Promise((done) => {  // the table is made when the browser says that it was opened
+            const place = document.querySelector(".numbers div");
+            if (place.children.length) done();
+            new MutationObserver(() => done()).observe(place, {childList: true});
+        })""")
+        self.assertEqual(self.count(".explorer .numbers table"), 2)
+        expected = self.median(kWorkloads[0], "packed_wait_free", 8)
+        row = self.page.value("""[...document.querySelectorAll(".numbers tr")].find(
+            (tr) => tr.cells[0].textContent === "packed_wait_free").cells[4].textContent""")
+        self.assertAlmostEqual(float(row.split()[0]), expected, delta=0.006 * expected)
+
+    def ask(self, **inputs) -> str:
+        for name, value in inputs.items():
+            self.page.type_over(f".question input[name={name}]", str(value))
+        return self.text(".answer")
+
+    def test_the_form_answers_as_python_does(self):
+        made = choice.choice(self.setup)
+        mechanisms = dict(zip(self.setup.rows["cache"], self.setup.rows["mechanism"]))
+        for rays, cores in ((16, 2), (64, 8), (724, 4)):
+            answer = self.ask(x=rays, cores=cores, error="")
+            found = choice.answer(made, mechanisms, rays, cores, made.accuracies[0])
+            self.assertIn(f"use {found.lines[0].kind} ({found.lines[0].cache})", answer)
+            self.assertIn(f"on {cores} cores", answer)
+            self.assertIn(choice_page.how_sure(found.certainty, 0), answer)
+            self.assertIn(found.how, answer)
+            for line in found.lines:
+                self.assertIn(line.cache, answer)
+        self.assertEqual(self.page.complaints(), [])
+
+    def test_a_stricter_error_asks_for_a_finer_accuracy(self):
+        errors = choice.errors_at(choice.choice(self.setup), 64)
+        self.assertEqual([e.accuracy for e in errors], [0.4, 0.2, 0.1])
+        for wanted, kept in ((errors[0], errors[0]), (errors[1], errors[1])):
+            answer = self.ask(x=64, cores=8, error=f"{wanted.relmse[2] * 1.01:.6f}")
+            self.assertTrue(answer.startswith(f"Accuracy a = {kept.accuracy:g}:"), answer[:80])
+        self.assertIn("No accuracy measured keeps relMSE within", self.ask(error="0.0000001"))
+
+    def test_what_is_not_known_is_said(self):
+        self.assertIn("There is evidence for 4 and 8 cores, none for 6", self.ask(x=64, cores=6, error=""))
+        answer = self.ask(cores=96)
+        self.assertIn("Nothing is known for 96 cores: the most that there is evidence for is 8", answer)
+        self.assertIn("Say how many", self.ask(x=""))
+        self.assertIn("the nearest worked out", self.ask(x=100, cores=8))
+
+    def test_narrow_windows_do_not_scroll_sideways(self):
+        for width in (360, 700, 1400):
+            self.page.resize(width, 800)
+            found = self.page.value("""new Promise((done) => {  // charts follow within some frames
+                let left = 60;
+                const look = () => {
+                    const wide = document.documentElement.scrollWidth;
+                    wide <= innerWidth || --left === 0 ? done(wide) : requestAnimationFrame(look);
+                };
+                look();
+            })""")
+            self.assertLessEqual(found, width)
+
+    def test_paper_has_the_table_and_no_form(self):
+        self.page.ask("Emulation.setEmulatedMedia", media="print")
+        self.page.value("dispatchEvent(new Event('beforeprint'))")
+        shown = self.page.value("""Object.fromEntries([".question", ".explorer", ".choices", "figure img"].map(
+            (s) => [s, document.querySelector(s).checkVisibility()]))""")
+        self.assertEqual(shown, {".question": False, ".explorer": False, ".choices": True, "figure img": True})
+
+    def test_without_scripts_everything_stands_as_tables_and_figures(self):
+        self.page.ask("Emulation.setScriptExecutionDisabled", value=True)
+        self.page.ask("Page.reload")
+        self.browser.wait_for("Page.loadEventFired", self.page._session)
+        self.page.ask("Emulation.setScriptExecutionDisabled", value=False)
+        shown = self.page.value("""Object.fromEntries([".explorer", ".choices", "figure img"].map(
+            (s) => [s, document.querySelector(s).checkVisibility()]))""")
+        self.assertEqual(shown, {".explorer": False, ".choices": True, "figure img": True})
+        self.assertIn("With scripts allowed", self.text("noscript"))
+
+
+if __name__ == "__main__":
+    if not browser.chromium():
+        print("skipped: Chromium is not installed (apt-get install chromium), so nobody clicked in the report")
+        sys.exit(kSkipped)
+    unittest.main()

@@ -1,0 +1,408 @@
+#!/usr/bin/python3
+"""Tests of what the report concludes: scaling laws, which scheme to use, and what differs between runs."""
+from __future__ import annotations
+
+import json
+import math
+import unittest
+
+import numpy as np
+import pandas as pd
+
+from plots_support import InFolder, few_caches, kFewWorkloads, model_results, run, write_results
+
+import choice
+import choice_page
+import comparison
+import comparison_page
+import explorer
+import interactive
+import results
+import scalability
+import scaling_law
+import tables
+from figure import Omitted
+
+kCounts = (1, 2, 4, 8, 16, 32)
+
+
+def speed(n, gamma, alpha, beta):
+    return gamma * n / (1 + alpha * (n - 1) + beta * n * (n - 1))
+
+
+class ScalabilityLaw(unittest.TestCase):
+    def test_known_parameters_lie_in_their_intervals(self):
+        random = np.random.default_rng(3)
+        for truth in ((1e6, 0.05, 0.002), (4e7, 0.9, 0.02), (2.0, 0.3, 0.0004)):
+            law = scalability.fit({n: speed(n, *truth) * np.exp(random.normal(0, 0.02, 15)) for n in kCounts})
+            for number, value in enumerate(truth):
+                low, high = law.interval(number)
+                self.assertLessEqual(low, value * 1.02, truth)
+                self.assertGreaterEqual(high, value * 0.98, truth)
+            low, high = law.band([64, 128])
+            for n, a, b in zip((64, 128), low, high):
+                self.assertTrue(a * 0.98 <= speed(n, *truth) <= b * 1.02, (truth, n))
+
+    def test_exact_data_give_the_exact_law(self):
+        law = scalability.fit({n: [speed(n, 5e5, 0.1, 0.01)] * 3 for n in kCounts})
+        self.assertAlmostEqual(law.gamma / 5e5, 1, places=9)
+        self.assertAlmostEqual(law.alpha, 0.1, places=9)
+        self.assertAlmostEqual(law.beta, 0.01, places=9)
+        self.assertAlmostEqual(law.peak, math.sqrt(0.9 / 0.01), places=6)
+
+    def test_degenerate_data_give_finite_laws_that_are_not_negative(self):
+        for speeds in ([1e6] * 6, [1e6 / n for n in kCounts], [1e6 / n**4 for n in kCounts],
+                       [1e6 * n**2 for n in kCounts], [1e-300] * 6):
+            law = scalability.fit({n: [v] * 3 for n, v in zip(kCounts, speeds)})
+            for value in (law.gamma, law.alpha, law.beta, *law.refits.ravel(), *law.speed([1, 7, 1024])):
+                self.assertTrue(math.isfinite(value) and value >= 0, (speeds, value))
+            self.assertGreaterEqual(law.peak, 1)
+        flat = scalability.fit({n: [1e6] * 3 for n in kCounts})
+        np.testing.assert_allclose(flat.speed(kCounts), 1e6, rtol=1e-9)
+
+    def test_five_thread_counts_are_too_few(self):
+        self.assertIsNone(scalability.fit({n: [speed(n, 1e6, 0.1, 0)] * 3 for n in kCounts[:5]}))
+        broken = {n: [math.nan, 0.0, -1.0] for n in (64, 128)}
+        self.assertIsNone(scalability.fit({n: [1e6] * 3 for n in kCounts[:5]} | broken))
+
+    def test_two_repetitions_give_no_band(self):
+        law = scalability.fit({n: [speed(n, 1e6, 0.1, 0.01)] * 2 for n in kCounts})
+        self.assertIsNone(law.band([64]))
+        self.assertTrue(math.isnan(law.interval(0)[0]))
+
+
+class ScalingLawFigure(InFolder):
+    def setup_of(self, **options) -> results.Setup:
+        return results.load([self.results(**options)])[0]
+
+    def test_oversubscribed_counts_do_not_count(self):
+        with self.assertRaisesRegex(Omitted, "fewer than six thread counts without oversubscription were measured "
+                                             r"\(5 were\)"):
+            scaling_law.fitted(self.setup_of(threads=(1, 2, 4, 8, 16, 32, 64)))
+
+    def test_it_says_why_there_is_none(self):
+        said = self.good("scaling_law.py", self.results(), "--out", self.folder).stdout
+        self.assertIn("left out for model: fewer than six thread counts without oversubscription", said)
+        self.assertEqual(tables.scaling_laws(None), "")
+
+    def test_laws_are_drawn_and_tabled(self):
+        path = self.results(threads=(1, 2, 3, 4, 6, 8, 32), workloads=kFewWorkloads[:1], repetitions=3)
+        self.good("scaling_law.py", path, "--out", self.folder)
+        drawing = (self.folder / "scaling_law.svg").read_text(encoding="utf-8")
+        self.assertIn("stroke-dasharray", drawing)
+        table = pd.read_csv(self.folder / "scaling_law.csv")
+        self.assertEqual(set(table["cache"]), {c["cache"] for c in few_caches()} - {"packed_sequential"})
+        self.assertTrue((table["alpha_low"] <= table["alpha"]).all())
+        contended = table.set_index("cache").loc[["packed_global_mutex", "packed_wait_free"], "alpha"]
+        self.assertGreater(contended.iloc[0], contended.iloc[1])
+        shown = tables.scaling_laws(table)
+        for cache in table["cache"]:
+            self.assertIn(f"<td>{cache}</td>", shown)
+
+
+class Choice(InFolder):
+    def chosen(self, **options) -> tuple[choice.Choice, dict[str, str], results.Setup]:
+        options = {"workloads": ("miss_driven:cost=0", "miss_driven:cost=1", "miss_driven:cost=16",
+                                 "miss_driven:cost=64"), "threads": (1, 2, 4, 8, 16, 32)} | options
+        setup = results.load([self.results(**options)])[0]
+        return choice.choice(setup), dict(zip(setup.rows["cache"], setup.rows["mechanism"])), setup
+
+    def test_hardware_threads_are_no_cores(self):
+        made, _, setup = self.chosen()
+        self.assertEqual(setup.cores, 8)
+        self.assertEqual(made.threads, [1, 2, 4, 8])
+
+    def test_a_measured_point_is_answered_by_its_own_rows(self):
+        made, mechanisms, setup = self.chosen()
+        found = choice.answer(made, mechanisms, 16, 8, None)
+        self.assertFalse(made.in_rays)
+        self.assertEqual((found.certainty, found.how), ("measured", "points that miss, 16 µs a record"))
+        rows = setup.rows
+        mine = rows[(rows["workload"] == "miss_driven:cost=16") & (rows["threads"] == 8)]
+        times = 1 / mine.groupby("cache")["items_per_second"].median()
+        self.assertEqual(found.lines[0].cache, times.idxmin())
+        self.assertAlmostEqual(found.lines[0].time, times.min(), places=15)
+        lock = next(line for line in found.lines if line.kind == "one lock")
+        pairs = results.paired(mine[mine["cache"] == found.lines[0].cache], mine[mine["cache"] == lock.cache], [],
+                               "items_per_second")["ratio"]
+        self.assertAlmostEqual(lock.ratio[0], pairs.median(), places=9)
+        self.assertLess(lock.ratio[1], lock.ratio[0])
+
+    def test_between_two_costs_times_are_straight(self):
+        made, mechanisms, _ = self.chosen(noise=0)
+        ends = [choice.answer(made, mechanisms, x, 8, None) for x in (16, 64)]
+        middle = choice.answer(made, mechanisms, 40, 8, None)
+        self.assertEqual(middle.how, "points that miss, between 16 and 64 µs a record")
+        times = [{line.cache: line.time for line in a.lines} for a in (*ends, middle)]
+        for cache in set(times[0]) & set(times[1]) & set(times[2]):
+            self.assertAlmostEqual(times[2][cache] * 1e9, (times[0][cache] + times[1][cache]) / 2 * 1e9, places=6)
+
+    def test_outside_the_measured_costs_it_says_so(self):
+        made, mechanisms, _ = self.chosen()
+        found = choice.answer(made, mechanisms, 1000, 8, None)
+        self.assertEqual((found.certainty, found.how), ("extrapolated",
+                                                        "points that miss, 64 µs a record, the nearest"))
+
+    def test_nothing_is_made_up_for_other_cores(self):
+        made, mechanisms, _ = self.chosen()
+        self.assertIsNone(choice.answer(made, mechanisms, 16, 256, None))
+
+    def test_a_rendered_scene_answers_for_its_rays_and_tells_what_a_ray_costs(self):
+        data = model_results(caches=few_caches(), workloads=("miss_driven:cost=1", "miss_driven:cost=100"),
+                             threads=(1, 8), repetitions=5)
+        for row in data["benchmarks"]:
+            if row.get("integrator") != "path" and row.get("scene"):
+                rays = float(row["workload"].split("rays=")[1].split(":")[0])
+                slow = 1.3 if row["cache"] == "packed_global_mutex" and row["threads"] > 1 else 1
+                row["records"], row["redundant_records"] = 1000, 0
+                row["seconds_indirect"] = slow * (0.01 + 1000 * rays * 0.25e-6) / row["threads"]
+        setup = results.load([write_results(self.folder / "r.json", data)])[0]
+        made = choice.choice(setup)
+        mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+        self.assertTrue(made.in_rays)
+        self.assertAlmostEqual(made.microseconds_a_ray[0], 0.25, places=6)
+        found = choice.answer(made, mechanisms, 64, 8, 0.2)
+        self.assertEqual((found.certainty, found.how), ("measured", "rendering cornell box, a = 0.2, 64 rays"))
+        lock = next(line for line in found.lines if line.kind == "one lock")
+        self.assertAlmostEqual(lock.ratio[0], 1.3, places=6)
+        self.assertNotIn(lock, found.tied)
+        self.assertEqual({line.kind for line in (found.lines[0], *found.tied)}, {"local write", "wait-free"})
+        self.assertAlmostEqual(found.lines[0].loss[0], 0, places=6)
+        self.assertAlmostEqual(lock.loss[0], 1 - 1 / 1.3, places=6)
+        # Past the rays that were rendered, points that miss answer at the cost of so many rays.
+        far = choice.answer(made, mechanisms, 362, 8, 0.2)
+        self.assertEqual(far.how, "points that miss, between 1 and 100 µs a record")
+        least = choice.errors_at(made, 64)
+        self.assertEqual([e.accuracy for e in least], [0.4, 0.2, 0.1])
+        self.assertTrue(all(e.measured for e in least))
+        self.assertFalse(choice.errors_at(made, 23)[0].measured)
+
+    def test_a_tie_is_called_one(self):
+        data = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), repetitions=9,
+                             errors=False)
+        random = np.random.default_rng(1)
+        for row in data["benchmarks"]:
+            row["items_per_second"] = row["queries"] = 1e6 * random.uniform(0.9, 1.1)
+            row["real_time"], row["time_unit"] = 1.0, "s"
+        setup = results.load([write_results(self.folder / "r.json", data)])[0]
+        found = choice.answer(choice.choice(setup), dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 8, None)
+        self.assertEqual(found.tied, found.lines[1:])
+
+    def test_too_few_repetitions_decide_nothing(self):
+        made, mechanisms, _ = self.chosen(repetitions=2)
+        found = choice.answer(made, mechanisms, 0, 8, None)
+        self.assertEqual(found.repetitions, 2)
+        self.assertEqual(found.tied, found.lines[1:])
+
+    def test_scaling_laws_answer_past_the_machine_and_are_called_extrapolated(self):
+        made, mechanisms, _ = self.chosen(threads=(1, 2, 3, 4, 6, 8))
+        self.assertEqual(made.threads[-2:], [16, 32])
+        found = choice.answer(made, mechanisms, 1, 32, None)
+        self.assertEqual(found.certainty, "extrapolated")
+        self.assertTrue(math.isfinite(found.lines[-1].ratio[1]))
+        self.assertEqual(found.repetitions, 0)
+
+    def test_the_simulator_answers_past_the_machine_and_is_called_simulated(self):
+        made, mechanisms, setup = self.chosen()
+        simulated = setup.rows[setup.rows["threads"].isin((1, 8))].copy()
+        simulated = simulated[simulated["repetition_index"] == 0]
+        simulated["threads"] = simulated["threads"].replace(8, 256)
+        simulated["validated_to_threads"] = 8
+        setup.simulated = simulated
+        made = choice.choice(setup)
+        self.assertEqual((made.threads, made.validated_to), ([1, 2, 4, 8, 256], 8))
+        found = choice.answer(made, mechanisms, 16, 256, None)
+        self.assertEqual(found.certainty, "simulated")
+        self.assertEqual(choice_page.how_sure(found.certainty, made.validated_to),
+                         "simulated, validated to 8 threads on this machine")
+        # What was measured is answered by what was measured.
+        self.assertEqual(choice.answer(made, mechanisms, 16, 8, None).certainty, "measured")
+        page = choice_page.section(setup, "")
+        self.assertIn("simulated, validated to 8 threads on this machine", page)
+
+    def test_simulated_rows_are_kept_apart_from_measured_ones(self):
+        measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
+        simulated = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 256),
+                                  errors=False, repetitions=1)
+        for row in simulated["benchmarks"]:
+            row["name"] = row["name"].replace("sweep/", "simulate/")
+            row |= {"simulated": True, "validated_to_threads": 8}
+        paths = [write_results(self.folder / "m.json", measured), write_results(self.folder / "s.json", simulated)]
+        setup, = results.load(paths)
+        self.assertEqual(len(setup.rows), len(measured["benchmarks"]))
+        self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
+        self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
+        made = choice.choice(setup)
+        self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
+        found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
+        self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
+        with self.assertRaisesRegex(results.InputError, "simulated, not measured; plots/simulated.py draws it"):
+            results.load(paths[1:])
+        simulated["context"]["commit"] = "other"
+        setup, = results.load([paths[0], write_results(self.folder / "t.json", simulated)])
+        self.assertTrue(setup.simulated.empty)
+        self.assertIn("simulated rows of t.json come from a machine or build of which nothing", setup.remarks[-1])
+
+    def test_tails_are_those_of_more_threads_than_processing_units(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 8, 32), errors=False)
+        for row in data["benchmarks"]:
+            slow = {"packed_global_mutex": 40, "packed_wait_free": 2}.get(row["cache"], 10)
+            row["latency_query_p999_ns"] = 1000 * slow if row["threads"] == 32 else 1
+        setup, = results.load([write_results(self.folder / "r.json", data)])
+        threads, known = choice.tails(setup)
+        self.assertEqual(threads, 32)
+        self.assertAlmostEqual(known["packed_global_mutex"], 40000)
+        self.assertAlmostEqual(known["packed_wait_free"], 2000)
+        setup, = results.load([self.results(threads=(1, 8))])
+        self.assertEqual(choice.tails(setup), (0, {}))
+
+    def test_without_costs_there_is_no_answer_and_a_reason(self):
+        setup = results.load([self.results(workloads=("read_only",))])[0]
+        self.assertIn("cannot be said: neither a rendered scene", choice_page.section(setup, ""))
+
+    def test_the_page_carries_every_answer_as_data(self):
+        made, mechanisms, setup = self.chosen(errors=True, repetitions=3)
+        data = choice_page.collected(setup, made)
+        json.dumps(data, allow_nan=False)
+        for at, x in enumerate(made.x):
+            for threads in made.threads:
+                found = choice.answer(made, mechanisms, x, threads, made.accuracies[0])
+                key = f"{at} {threads}" + (f" {made.accuracies[0]:g}" if found.rendered else "")
+                certainty, way, _, rendered, lines = data["answers"][key]
+                self.assertEqual(data["ways"][way], found.how)
+                self.assertEqual(data["caches"][lines[0][1]], found.lines[0].cache)
+                self.assertEqual(rendered, found.rendered)
+
+    def test_every_mechanism_has_a_kind(self):
+        kinds = {m: choice.kind_of(m) for m in ("global_mutex", "global_spin", "queuing_mutex", "shared_mutex",
+                                                "spin_rw_mutex", "distributed_rw", "node_lock", "local_write",
+                                                "wait_free", "wait_free_snapshot", "none", "something_new")}
+        self.assertEqual(set(list(kinds.values())[:3]), {"one lock"})
+        self.assertEqual(set(list(kinds.values())[3:6]), {"readers-writer lock"})
+        self.assertEqual(list(kinds.values())[6:], ["a lock in every node", "local write", "wait-free",
+                                                    "wait-free with snapshot queries", "no synchronisation",
+                                                    "something new"])
+
+
+class Comparison(InFolder):
+    """Two runs whose caches differ by known factors."""
+    kFactors = {"packed_wait_free": 1.1, "packed_global_mutex": 0.8}
+
+    def file(self, name: str, changed: bool = False, **options):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 2, 8), errors=False,
+                             repetitions=9, **options)
+        random = np.random.default_rng(8 if changed else 9)
+        for row in data["benchmarks"]:
+            factor = self.kFactors.get(row["cache"], 1.0) if changed else 1.0
+            row["items_per_second"] *= factor * math.exp(random.normal(0, 0.01))
+            row["queries"] = row["items_per_second"] * row["real_time"] * 1e-3
+            row["time_unit"] = "ms"
+        return write_results(self.folder / name / "results.json", data)
+
+    def compared(self, **second) -> comparison.Comparison:
+        setups = results.load([self.file("a"), self.file("b", True, **{"commit": "fedcba9876543210"} | second)])
+        found = comparison.comparisons(setups)
+        self.assertEqual(len(found), 1)
+        return found[0]
+
+    def test_known_factors_are_found_whether_paired_or_not(self):
+        for seed in (42, 43):
+            one = self.compared(seed=seed)
+            self.assertEqual((one.one_machine, one.paired), (True, seed == 42))
+            table = one.overall[one.overall["metric"] == "items_per_second"].set_index(["cache", "threads"])
+            for (cache, threads), line in table.iterrows():
+                truth = self.kFactors.get(cache, 1.0)
+                self.assertAlmostEqual(line["ratio"], truth, delta=0.03 * truth)
+                self.assertTrue(line["low"] - 0.015 <= truth <= line["high"] + 0.015, (cache, threads))
+                if cache in self.kFactors:
+                    self.assertEqual(line["verdict"], "better" if truth > 1 else "worse")
+
+    def test_the_same_rows_differ_in_nothing(self):
+        again = json.loads(self.file("a").read_text())
+        again["context"]["commit"] = "fedcba9876543210"
+        setups = results.load([self.folder / "a/results.json", write_results(self.folder / "c.json", again)])
+        one = comparison.comparisons(setups)[0]
+        self.assertTrue((one.cells["ratio"] == 1).all())
+        self.assertTrue((one.cells["verdict"] == "undecided").all())
+
+    def test_two_repetitions_decide_nothing(self):
+        paths = []
+        for commit in ("0" * 16, "1" * 16):
+            data = json.loads(self.file("a").read_text())
+            data["context"]["commit"] = commit
+            data["benchmarks"] = [r for r in data["benchmarks"] if r["repetition_index"] < 2]
+            for row in data["benchmarks"]:
+                row["items_per_second"] *= 2 if commit[0] == "1" else 1
+                row["queries"] *= 2 if commit[0] == "1" else 1
+            paths.append(write_results(self.folder / f"{commit}.json", data))
+        one = comparison.comparisons(results.load(paths))[0]
+        self.assertTrue((one.cells["verdict"] == "undecided").all())
+        self.assertTrue(one.cells["low"].isna().all())
+
+    def test_machines_are_told_apart(self):
+        paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"), self.file("c", host_name="other"),
+                 self.file("d", host_name="other", commit="fedcba9876543210")]
+        found = comparison.comparisons(results.load(paths))
+        self.assertEqual([(one.label, one.one_machine) for one in found],
+                         [("model: commit fedcba987654 over commit 0123456789ab", True),
+                          ("other: commit fedcba987654 over commit 0123456789ab", True),
+                          ("other over model", False)])
+        self.assertIn(("host_name", "model", "other"), found[2].differing)
+        self.assertIn("Two machines", comparison_page.section(found[2], ""))
+
+    def test_cells_of_one_run_alone_are_counted(self):
+        data = json.loads(self.file("b", True, commit="fedcba9876543210").read_text())
+        data["benchmarks"] = [r for r in data["benchmarks"] if r["threads"] != 2]
+        setups = results.load([self.file("a"), write_results(self.folder / "b.json", data)])
+        one = comparison.comparisons(setups)[0]
+        self.assertEqual(one.alone, (8, 0))  # four caches that many threads may use, two workloads
+        self.assertIn("8 cells were measured by the first run alone, 0 by", comparison_page.section(one, ""))
+
+    def test_the_page_names_the_largest_differences(self):
+        page = comparison_page.section(self.compared(), "")
+        self.assertIn("chance alone would make about", page)
+        self.assertRegex(page, r"<td>packed_global_mutex</td>.*?class=\"n bad\">0\.[78]")
+        self.assertRegex(page, r"<td>packed_wait_free</td>.*?class=\"n good\">1\.[01]")
+        self.assertIn("<td>commit</td>", page)
+
+    def test_the_figure_needs_two_runs(self):
+        alone = run("run_differences.py", self.file("a"))
+        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
+        self.assertIn("one machine and build; a comparison needs two", alone.stderr)
+        self.good("run_differences.py", self.file("a"), self.file("b", True, commit="fedcba9876543210"), "--out",
+                  self.folder / "out")
+        self.assertTrue((self.folder / "out/run_differences.pdf").exists())
+
+
+class Interactive(InFolder):
+    def test_data_cannot_end_their_element(self):
+        made = interactive.data("d", {"<b>": "</script><!-- & -->"})
+        self.assertEqual(made.count("<"), 2)
+        inner = made[made.index(">") + 1:made.rindex("<")]
+        self.assertEqual(json.loads(inner), {"<b>": "</script><!-- & -->"})
+
+    def test_the_explorer_has_every_median(self):
+        setup = results.load([self.results()])[0]
+        made = explorer.collected(setup)
+        cells, throughput = made["cells"], made["metrics"][0]
+        self.assertEqual(len(cells["p"]), len(setup.rows.drop_duplicates(["panel", "cache", "threads"])))
+        medians = setup.rows.groupby(["panel", "cache", "threads"])["items_per_second"].median()
+        for p, c, t, m in zip(cells["p"], cells["c"], cells["t"], throughput["m"]):
+            expected = medians[made["panels"][p], made["caches"][c]["name"], t] * 1e-6
+            self.assertAlmostEqual(m, expected, delta=1e-3 * expected)
+        self.assertEqual(made["families"]["cost"], [["miss driven", [[1, 1], [64, 2]]]])
+
+    def test_without_the_library_the_page_says_so(self):
+        setup = results.load([self.results()])[0]
+        known, interactive.kLibraries = interactive.kLibraries, ("/nowhere/chart.min.js",)
+        try:
+            self.assertIn("libjs-chart.js is not installed", explorer.section(setup, ""))
+            scripts = interactive.scripts()
+        finally:
+            interactive.kLibraries = known
+        self.assertIn("icbench-choice", scripts)
+        self.assertNotIn("icbench-explorer", scripts)
+
+
+if __name__ == "__main__":
+    unittest.main()
