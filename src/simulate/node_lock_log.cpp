@@ -21,7 +21,6 @@ class LoggedAtomic : public PlainAtomic<T> {
 struct LoggedSync : NoHooks {
   template <class T>
   using Atomic = LoggedAtomic<T>;
-  static constexpr bool kConcurrent = true;
 };
 
 }  // namespace
