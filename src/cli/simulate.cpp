@@ -298,7 +298,7 @@ void add_simulate(CLI::App& app) {
                    "Caches, separated by commas; all leaves out brute_force, the\noracle, and what has no "
                    "model; see icbench list caches")
       ->type_name("LIST")
-      ->capture_default_str();
+      ->default_str("six packed ones");
   simulate
       ->add_option("--workloads", o->workloads,
                    "Workloads, separated by commas: synthetic ones, or\ntrace:file=PATH (default: "
