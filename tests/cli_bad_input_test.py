@@ -160,6 +160,21 @@ class BadInput(Case):
                 self.refuse("render", "--size", "16x16", *arguments, says=[part])
         self.assertFalse((self.folder / "b.cache").exists())
 
+    def test_what_cannot_be_simulated(self):
+        (self.folder / "costs.json").write_text('{"format": "icbench calibration of simulations"}')
+        for arguments, part in ((["--cores", "0"], "--cores"), (["--cores", "1,1"], "twice"),
+                                (["--cores", "1025"], "1 to 1024"), (["--caches", "waitfree"], "wait_free"),
+                                (["--caches", "sequential", "--cores", "2"], "--cores 1"),
+                                (["--workloads", "cornell_box"], "icbench trace capture"),
+                                (["--workloads", "trace:file=missing.trace"], "missing.trace"),
+                                (["--calibration", "results.json"], "no JSON"),
+                                (["--calibration", "costs.json"], "another version"),
+                                (["--transfer", "1,2"], "three numbers"), (["--transfer", "1,2,-3"], "three numbers"),
+                                (["--complex", "3", "--socket", "8"], "multiple"), (["--out", "."], "a folder")):
+            options = {"--calibration": "none.json", "--out": "out.json"} | dict(zip(arguments[::2], arguments[1::2]))
+            with self.subTest(arguments):
+                self.refuse("simulate", *(word for option in options.items() for word in option), says=[part])
+
     def test_traces_that_cannot_be_captured_or_read(self):
         self.succeed(*small_capture(out="a.trace"))
         whole = (self.folder / "a.trace").read_bytes()

@@ -10,8 +10,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_capture, small_pareto, small_render,
-                         small_repeatability, small_sweep, write_white_png)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, arguments_of, key_of, small_capture, small_pareto,
+                         small_render, small_repeatability, small_sweep, write_white_png)
 
 
 class Sweep(Case):
@@ -341,7 +341,7 @@ class Compare(Case):
 
 
 class Help(Case):
-    COMMANDS = ["list", "sweep", "render", "animate", "compare", "preempt", "trace"]
+    COMMANDS = ["list", "sweep", "simulate", "render", "animate", "compare", "preempt", "trace"]
     TRACE_COMMANDS = ["capture", "info", "replay"]
 
     def test_without_arguments_help_goes_to_standard_error(self):
@@ -553,6 +553,45 @@ class Preempt(Case):
         self.refuse("preempt", "--workload", "cornell_box", says=["cornell_box", "synthetic"])
         self.refuse("preempt", "--hold-ms", "0", says=["--hold-ms"])
         self.refuse("preempt", "--caches", "no_such", says=["no_such"])
+
+
+class Simulate(Case):
+    """Sweeps in virtual time."""
+
+    def simulate(self, **changes):
+        self.succeed(*arguments_of("simulate", {"cores": "1,5", "workloads": "miss_driven:operations=2000",
+                                                "caches": "packed_sequential,packed_shared_mutex,local_write",
+                                                "calibration": "deep/costs.json", "out": "out.json"}, changes))
+        return self.load("out.json")
+
+    def test_rows_say_that_they_are_simulated_and_come_out_the_same_again(self):
+        once = self.simulate()
+        costs = self.load("deep/costs.json")
+        self.assertEqual(len(costs["costs"]), 3)
+        again = self.simulate()
+        self.assertEqual(once["benchmarks"], again["benchmarks"])
+        self.assertEqual(self.load("deep/costs.json"), costs)
+        self.assertEqual([(row["cache"], row["threads"]) for row in once["benchmarks"]],
+                         [("packed_sequential", 1), ("packed_shared_mutex", 1), ("packed_shared_mutex", 5),
+                          ("local_write", 1), ("local_write", 5)])
+        for row in once["benchmarks"]:
+            self.assertTrue(row["name"].startswith("simulate/miss_driven:operations=2000/"))
+            self.assertIs(row["simulated"], True)
+            self.assertEqual((row["validated_to_threads"], row["calibration"]), (0, "deep/costs.json"))
+            self.assertEqual(row["queries"], 2000)
+            self.assertEqual(row["queries"] - row["hits"], row["inserts"])
+            if row["threads"] == 1:
+                self.assertEqual((row["redundant_records"], row["lock_wait_share"]), (0, 0))
+        self.assertGreater(once["benchmarks"][-1]["redundant_records"], 100)
+        self.assertIs(once["context"]["complete"], True)
+        self.assertNotEqual(self.simulate(seed=2)["benchmarks"], once["benchmarks"])
+
+    def test_one_core_leaves_a_traces_records(self):
+        self.succeed(*small_capture(out="a.trace", frames=2, scene="cornell_camera"))
+        for row in self.simulate(workloads="trace:file=a.trace")["benchmarks"]:
+            if row["threads"] == 1:
+                self.assertIs(row["same_records"], True)
+                self.assertEqual(row["redundant_records"], 0)
 
 
 class Pareto(Case):

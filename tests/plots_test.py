@@ -29,6 +29,7 @@ import preemption_results
 import repeatability
 import repeatability_results
 import results
+import simulated
 import speed_error
 import style
 import timeline
@@ -416,6 +417,59 @@ class Repeatability(InFolder):
         self.assertIn("left out", done.stdout)
 
 
+class Simulated(InFolder):
+    """What is simulated is drawn as such, and nowhere else."""
+
+    def simulated(self, name="simulated.json", validated=2, **model):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 16, 256), repetitions=1,
+                             errors=False, **model)
+        for row in data["benchmarks"]:
+            row |= {"name": "simulate" + row["name"].removeprefix("sweep"), "simulated": True,
+                    "validated_to_threads": validated}
+        return data, write_results(self.folder / name, data)
+
+    def test_no_figure_of_measurements_takes_simulated_rows(self):
+        measured = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 2), errors=False)
+        rows = len(measured["benchmarks"])
+        simulated, path = self.simulated()
+        with self.assertRaisesRegex(results.InputError, "simulated, not measured"):
+            results.load([path])
+        # Either mark suffices.
+        for row in simulated["benchmarks"][::2]:
+            row["simulated"] = False
+        for row in simulated["benchmarks"][1::2]:
+            row["name"] = "sweep" + row["name"].removeprefix("simulate")
+        measured["benchmarks"] += simulated["benchmarks"]
+        setup, = results.load([write_results(self.folder / "mixed.json", measured)])
+        self.assertEqual((len(setup.rows), setup.rows["threads"].max()), (rows, 2))
+        self.assertTrue(any("left out" in remark for remark in setup.remarks))
+        self.good("throughput.py", self.folder / "mixed.json", "--out", self.folder)
+        self.assertLessEqual({line["threads"] for line in read_csv(self.folder / "throughput.csv")}, {"1", "2"})
+
+    def test_lines_are_dashed_and_every_title_says_what_they_are(self):
+        for validated, words in ((2, "simulated, validated to 2 threads on this machine"),
+                                 (0, "simulated, not validated")):
+            _, path = self.simulated(validated=validated)
+            one, = simulated.load([path])
+            plates = simulated.build(one).plates
+            self.assertGreaterEqual(len(plates), 4)
+            for plate in plates:
+                self.assertTrue(plate.title.endswith(words), plate.title)
+                axes = simulated.style.matplotlib.figure.Figure().add_axes([0, 0, 1, 1])
+                plate.panels[0].draw(axes, style.kReport)
+                self.assertTrue(axes.lines)
+                for line in [*axes.lines, *plate.handles(style.kReport)]:
+                    self.assertTrue(line.is_dashed(), line)
+        self.good("simulated.py", path, "--out", self.folder)
+        for line in read_csv(self.folder / "simulated.csv"):
+            self.assertEqual((line["simulated"], line["validated_to_threads"]), ("True", "0"))
+
+    def test_measured_rows_are_refused(self):
+        done = run("simulated.py", self.results())
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^[^\n]*nothing simulated in it[^\n]*\n$")
+
+
 class WrongInput(InFolder):
     def test_a_python_without_the_modules_is_told_in_one_line(self):
         done = subprocess.run([sys.executable, "-S", "-E", str(kPlots / "report.py"), "x"],
@@ -450,7 +504,7 @@ class WrongInput(InFolder):
     def test_help(self):
         figures = [*FIGURES, *PARETO_FIGURES, *REPEATABILITY_FIGURES, *PREEMPTION_FIGURES, *TIMELINE_FIGURES,
                    *ANATOMY_FIGURES]
-        for script in ["report.py", *(f"{figure.name}.py" for figure in figures)]:
+        for script in ["report.py", "simulated.py", *(f"{figure.name}.py" for figure in figures)]:
             done = self.good(script, "--help")
             self.assertIn("--out DIR", done.stdout)
 

@@ -26,6 +26,7 @@ void add_pareto(CLI::App& app);
 void add_preempt(CLI::App& app);
 void add_render(CLI::App& app);
 void add_repeatability(CLI::App& app);
+void add_simulate(CLI::App& app);
 void add_sweep(CLI::App& app);
 void add_trace(CLI::App& app);
 

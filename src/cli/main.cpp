@@ -98,6 +98,7 @@ int run(int argc, char** argv) {
   app.fallthrough(false);
   add_list(app);
   add_sweep(app);
+  add_simulate(app);
   add_render(app);
   add_animate(app);
   add_compare(app);

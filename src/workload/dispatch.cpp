@@ -10,7 +10,7 @@ namespace icbench {
 std::span<const CacheEntry> all_caches() {
 #define ICBENCH_ENTRY(id, Type)                                                                  \
   CacheEntry{Type<NoCounters>::kTraits, &run_synthetic_trial<Type>, &run_ray_traced_trial<Type>, \
-             &run_trace_trial<Type>, &make_cached_pass<Type>},
+             &run_trace_trial<Type>, &make_cached_pass<Type>, &make_stepped_cache<Type>},
   static const CacheEntry entries[] = {ICBENCH_CACHES(ICBENCH_ENTRY)};
 #undef ICBENCH_ENTRY
   return entries;

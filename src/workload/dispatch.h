@@ -20,6 +20,7 @@
 namespace icbench {
 
 struct CachedPassSetup;
+class SteppedCache;
 
 template <template <class> class CacheTemplate, class Counters = WithCounters>
 TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& setup);
@@ -34,6 +35,9 @@ template <template <class> class CacheTemplate>
 std::unique_ptr<IndirectPass> make_cached_pass(const CachedPassSetup& setup,
                                                std::unique_ptr<RecordSource> source, Crew& crew);
 
+template <template <class> class CacheTemplate>
+std::unique_ptr<SteppedCache> make_stepped_cache(const CacheConfig& config);
+
 /// What can be done with one cache.
 struct CacheEntry {
   CacheTraits traits;
@@ -41,6 +45,7 @@ struct CacheEntry {
   TrialOutcome (*ray_traced)(const RayTracedPlan&, const TrialSetup&);
   TrialOutcome (*trace)(const TracePlan&, const TrialSetup&);
   std::unique_ptr<IndirectPass> (*pass)(const CachedPassSetup&, std::unique_ptr<RecordSource>, Crew&);
+  std::unique_ptr<SteppedCache> (*stepped)(const CacheConfig&);
 };
 
 /// All caches, in the order of the registry.

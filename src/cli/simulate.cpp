@@ -1,0 +1,332 @@
+// icbench simulate: a sweep in virtual time, and how far it is from a real one.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numeric>
+
+#include "cli/command.h"
+#include "cli/options.h"
+#include "harness/environment.h"
+#include "harness/progress.h"
+#include "harness/statistics.h"
+#include "simulate/engine.h"
+#include "simulate/simulation.h"
+#include "workload/sweep.h"
+
+namespace icbench {
+namespace {
+
+constexpr const char* kDefaultCores = "1,2,4,8,16,32,64,128,256";
+constexpr const char* kDefaultCaches =
+    "packed_global_mutex,packed_queuing_mutex,packed_shared_mutex,packed_distributed_rw,packed_local_write,"
+    "packed_wait_free";
+constexpr const char* kValidatedWorkloads =
+    "miss_driven:cost=1,miss_driven:cost=10,miss_driven:cost=100,mix_90_10,read_only";
+
+struct SimulateOptions {
+  std::string cores = kDefaultCores, caches = kDefaultCaches, workloads, out = "simulated.json", calibration,
+              transfers;
+  std::uint64_t seed = 1;
+  unsigned complex_cores = 8, socket_cores = 64, repetitions = 9;
+  bool recalibrate = false, validate = false;
+};
+
+std::vector<unsigned> parse_cores(std::string_view text) {
+  std::vector<unsigned> out;
+  for (const std::string& item : split_list("--cores", text))
+    out.push_back(parse_whole("--cores", item, 1u, kMaxVirtualCores));
+  require_distinct("--cores", out);
+  return out;
+}
+
+std::vector<std::string> all_but_the_oracle() {
+  std::vector<std::string> out;
+  for (const CacheEntry& e : all_caches())
+    if (e.traits.name != "brute_force" && has_model(e.traits)) out.emplace_back(e.traits.name);
+  return out;
+}
+
+/// Three numbers of nanoseconds, "23,107,197".
+std::array<double, 3> parse_transfers(const std::string& text) {
+  const std::vector<std::string> items = split_list("--transfer", text);
+  std::array<double, 3> out{};
+  if (items.size() != out.size())
+    throw std::runtime_error(fmt::format("--transfer '{}' is not three numbers of nanoseconds", text));
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const char* const last = items[i].data() + items[i].size();
+    const auto [end, error] = std::from_chars(items[i].data(), last, out[i]);
+    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6))
+      throw std::runtime_error(fmt::format("--transfer '{}' is not three numbers from 0 to 1e6", text));
+  }
+  return out;
+}
+
+SimulationRequest request_of(const SimulateOptions& o, const Topology& topology) {
+  SimulationRequest r;
+  const std::string workloads = !o.workloads.empty() ? o.workloads
+                                : o.validate         ? kValidatedWorkloads
+                                                     : "miss_driven:cost=10";
+  for (const std::string& text : split_list("--workloads", workloads)) {
+    r.workloads.push_back(parse_workload(text));
+  }
+  r.caches = o.caches == "all" ? all_but_the_oracle() : split_list("--caches", o.caches);
+  for (const std::string& name : r.caches) find_cache(name);
+  require_distinct("--caches", r.caches);
+  std::vector<std::string> names;
+  for (const WorkloadSpec& w : r.workloads) names.push_back(w.name);
+  require_distinct("--workloads", names);
+  r.cores = parse_cores(o.cores);
+  if (o.validate) {
+    r.cores.clear();
+    const auto units = static_cast<unsigned>(topology.units().size());
+    for (unsigned n = 1; n < units; n *= 2) r.cores.push_back(n);
+    r.cores.push_back(units);
+  }
+  if (o.socket_cores % o.complex_cores != 0) {
+    throw std::runtime_error(
+        fmt::format("--socket {} is no multiple of --complex {}: complexes lie in sockets", o.socket_cores,
+                    o.complex_cores));
+  }
+  if (!o.transfers.empty()) r.transfers = Transfers{parse_transfers(o.transfers)};
+  r.machine.cores_per_complex = o.complex_cores;
+  r.machine.cores_per_socket = o.socket_cores;
+  r.seed = o.seed;
+  r.calibration_path = o.calibration.empty() ? default_calibration_path() : o.calibration;
+  require_simulated(r);
+  return r;
+}
+
+/// Measured and simulated figures of a point.
+struct Compared {
+  double throughput = 0.0, redundant = 0.0, records = 0.0, waiting = 0.0;
+
+  static Compared of(const Entry& e) {
+    Compared out;
+    out.throughput = e.items_per_second.value_or(0.0);
+    out.redundant = e.counters.value("redundant_records", 0.0);
+    out.records = e.counters.value("records", 0.0);
+    out.waiting = e.counters.value("lock_wait_share", 0.0);
+    return out;
+  }
+};
+
+/// Of every field the median.
+Compared middle(const std::vector<Compared>& all) {
+  const auto of = [&](double Compared::*field) {
+    std::vector<double> values;
+    for (const Compared& c : all) values.push_back(c.*field);
+    return median(values);
+  };
+  return {of(&Compared::throughput), of(&Compared::redundant), of(&Compared::records),
+          of(&Compared::waiting)};
+}
+
+struct Errors {
+  double throughput, redundant, waiting;
+};
+
+/// A hundredth of the records, and of the time, are what errors are at least taken relative to.
+Errors errors_of(const Compared& simulated, const Compared& measured) {
+  constexpr double kFloor = 0.01;
+  return {std::abs(simulated.throughput - measured.throughput) / measured.throughput,
+          std::abs(simulated.redundant - measured.redundant) /
+              std::max({std::abs(measured.redundant), kFloor * measured.records, 1.0}),
+          std::abs(simulated.waiting - measured.waiting) / std::max(measured.waiting, kFloor)};
+}
+
+void validate(Simulation& simulation, const Topology& topology, const SimulateOptions& o,
+              ResultsWriter& results) {
+  const SimulationRequest& r = simulation.request();
+  SweepRequest real;
+  real.workloads = r.workloads;
+  real.caches = r.caches;
+  real.threads = r.cores;
+  real.seed = r.seed;
+  real.repetitions = o.repetitions;
+  Sweep sweep(real, topology);
+  std::map<std::string, std::vector<Compared>> measured;
+  std::size_t trials = 0;
+  for (std::size_t w = 0; w < r.workloads.size(); ++w)
+    trials += sweep.points(w, 0).size() * (o.repetitions + 1);
+  Progress progress("validate", static_cast<double>(trials));
+  for (std::size_t w = 0; w < r.workloads.size(); ++w) {
+    for (unsigned i = 0; i <= o.repetitions; ++i) {
+      for (const SweepPoint& point : sweep.points(w, i)) {
+        const std::string name = sweep.name_of(point).substr(std::string_view("sweep/").size());
+        try {
+          const Entry entry = sweep.run(point, i);
+          if (i != 0) measured[name].push_back(Compared::of(entry));  // the first runs cold
+        } catch (const InvalidTrial& e) {
+          throw CheckFailed(e.what());
+        }
+        progress.advance(1, name);
+      }
+    }
+  }
+  progress.finish();
+
+  std::vector<double> throughput, redundant, waiting;
+  std::map<std::string, std::vector<double>> by_cache;
+  Validation outcome;
+  fmt::print("{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
+             "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "",
+             "", "", "", "");
+  for (const SimulationPoint& point : simulation.points()) {
+    Entry entry = simulation.run(point);
+    std::vector<Compared> runs{Compared::of(entry)};
+    for (unsigned i = 1; i < 3; ++i) runs.push_back(Compared::of(simulation.run(point, i)));
+    const Compared ours = middle(runs);
+    auto& all = measured.at(entry.name.substr(std::string_view("simulate/").size()));
+    // Other programs only slow a trial down: the faster half counts.
+    std::sort(all.begin(), all.end(),
+              [](const Compared& a, const Compared& b) { return a.throughput > b.throughput; });
+    all.resize((all.size() + 1) / 2);
+    const Compared theirs = middle(all);
+    const Errors e = errors_of(ours, theirs);
+    throughput.push_back(e.throughput);
+    by_cache[std::string(point.cache->traits.name)].push_back(e.throughput);
+    if (entry.counters.contains("redundant_records")) redundant.push_back(e.redundant);
+    if (entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(e.waiting);
+    outcome.threads = std::max(outcome.threads, point.cores);
+    entry.counters["measured_items_per_second"] = theirs.throughput;
+    entry.counters["measured_redundant_records"] = theirs.redundant;
+    entry.counters["measured_lock_wait_share"] = theirs.waiting;
+    entry.counters["error_items_per_second"] = e.throughput;
+    entry.counters["error_redundant_records"] = e.redundant;
+    entry.counters["error_lock_wait_share"] = e.waiting;
+    results.add(entry);
+    fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n", theirs.throughput,
+               ours.throughput, 100.0 * e.throughput, theirs.redundant, ours.redundant,
+               100.0 * theirs.waiting, 100.0 * ours.waiting, entry.name);
+  }
+  for (const auto& [cache, errors] : by_cache)
+    fmt::print("{:<28} throughput off by {:5.1f} % in the median\n", cache, 100.0 * median(errors));
+  const auto or_none = [](const std::vector<double>& v) { return v.empty() ? 0.0 : median(v); };
+  outcome.points = static_cast<unsigned>(throughput.size());
+  outcome.throughput_error = or_none(throughput);
+  outcome.records_error = or_none(redundant);
+  outcome.waiting_error = or_none(waiting);
+  outcome.date = date_now();
+  const std::string line = fmt::format(
+      "median errors of {} points with up to {} thread{}: throughput {:.1f} %, redundant records {:.1f} %, "
+      "waiting for "
+      "locks {:.1f} %",
+      outcome.points, outcome.threads, outcome.threads == 1 ? "" : "s", 100.0 * outcome.throughput_error,
+      100.0 * outcome.records_error, 100.0 * outcome.waiting_error);
+  fmt::print("{}\n", line);
+  simulation.calibration().validation = outcome;
+  write_calibration(simulation.calibration(), r.calibration_path);
+  results.finish();
+  if (!outcome.holds())
+    throw CheckFailed(fmt::format("{}; at most {:.0f} % was to be reached", line, 100.0 * Validation::kBar));
+}
+
+void simulate_command(const SimulateOptions& o) {
+  const Topology topology = Topology::of_this_process();
+  SimulationRequest request = request_of(o, topology);
+  require_writable("--out", o.out);
+  RunInfo info;
+  info.command_line = command_line();
+  info.seed = o.seed;
+  info.thread_counts = {1};
+  nlohmann::ordered_json context = environment(topology, info);
+  request.host_name = context.value("host_name", "");
+
+  std::optional<Calibration> calibration;
+  if (!o.recalibrate) calibration = read_calibration(request.calibration_path);
+  if (!calibration) {
+    fmt::print(stderr, "calibrating this machine into {}\n", request.calibration_path);
+    calibration = calibrate_machine(topology, context);
+    write_calibration(*calibration, request.calibration_path);
+  }
+  const Calibration used = *calibration;
+  Simulation simulation(request, topology, *calibration);
+  const auto& r = simulation.request();
+  context["simulated"] = true;
+  nlohmann::ordered_json told = used.to_json();
+  told.erase("costs");
+  context["calibration"] = told;
+  context["calibration"]["file"] = r.calibration_path;
+  context["virtual_machine"] = {{"cores_per_complex", r.machine.cores_per_complex},
+                                {"cores_per_socket", r.machine.cores_per_socket},
+                                {"transfer_ns", r.machine.transfers.ns}};
+  std::vector<std::string> workloads;
+  for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
+  const nlohmann::ordered_json configuration = {{"command", "simulate"},
+                                                {"workloads", workloads},
+                                                {"caches", r.caches},
+                                                {"cores", r.cores},
+                                                {"seed", r.seed}};
+  simulation.complete_calibration(
+      [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
+  ResultsWriter results(o.out, context, configuration);
+  if (o.validate) return validate(simulation, topology, o, results);
+
+  const std::vector<SimulationPoint> points = simulation.points();
+  Progress progress("simulate", static_cast<double>(points.size()));
+  for (const SimulationPoint& point : points) {
+    results.add(simulation.run(point));
+    progress.advance(1, simulation.name_of(point));
+  }
+  results.finish();
+  progress.finish();
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app) {
+  const auto o = std::make_shared<SimulateOptions>();
+  CLI::App* simulate =
+      app.add_subcommand("simulate", "Run caches in virtual time on cores that are not there");
+  simulate->footer(
+      "Executes each cache's real operations, each virtual thread seeing what it would see at its virtual\n"
+      "time, and adds up what operations, locks and cache lines cost. Costs are measured on one thread\n"
+      "when first needed and kept in the calibration file, which every result names. Rows are marked as\n"
+      "simulated, and say up to how many threads --validate has found such figures near measured ones; 0\n"
+      "where it has not, or they were too far off. Not simulated: threads beyond cores, and the bandwidth\n"
+      "and the caches that cores share.");
+  simulate
+      ->add_option("--cores", o->cores, "Virtual cores with a thread each, 1 to 1024, separated by commas")
+      ->type_name("LIST")
+      ->capture_default_str();
+  simulate
+      ->add_option("--caches", o->caches,
+                   "Caches, separated by commas; all leaves out brute_force, the\noracle, and what has no "
+                   "model; see icbench list caches")
+      ->type_name("LIST")
+      ->default_str("six packed ones");
+  simulate
+      ->add_option("--workloads", o->workloads,
+                   "Workloads, separated by commas: synthetic ones, or\ntrace:file=PATH (default: "
+                   "miss_driven:cost=10;\n"
+                   "with --validate costs of 1, 10, 100, mix_90_10 and read_only)")
+      ->type_name("LIST");
+  add_whole(simulate, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
+            "Seed of points, operations and of who gets a lock");
+  simulate
+      ->add_option("--calibration", o->calibration,
+                   "Costs (JSON) (default: icbench/calibration.json in\n$XDG_CACHE_HOME or ~/.cache)")
+      ->type_name("FILE");
+  simulate->add_flag("--recalibrate", o->recalibrate,
+                     "Measure all costs anew; what was validated is forgotten");
+  simulate
+      ->add_option("--transfer", o->transfers,
+                   "Nanoseconds for a cache line to another core: within a complex,\na socket, across "
+                   "sockets (default: "
+                   "measured, 107, 197; as an\nAMD EPYC 7R13, see src/simulate/machine.h)")
+      ->type_name("A,B,C");
+  add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u, "Cores that share a last-level cache");
+  add_whole(simulate, "--socket", o->socket_cores, 1u, 8192u, "Cores of a socket");
+  simulate->add_flag("--validate", o->validate,
+                     "Measure, too, with all thread counts that this machine has\n(powers of two and all "
+                     "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %");
+  add_whole(simulate, "--repetitions", o->repetitions, 1u, 100'000u, "Of measured points, for --validate");
+  simulate->add_option("--out", o->out, "Results (JSON)")->type_name("FILE")->capture_default_str();
+  simulate->callback([o] { simulate_command(*o); });
+}
+
+}  // namespace icbench

@@ -1,0 +1,575 @@
+#include "simulate/calibration.h"
+
+#include <fmt/format.h>
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <numeric>
+#include <stdexcept>
+#include <thread>
+
+#include "core/sync.h"
+#include "harness/environment.h"
+#include "harness/output_file.h"
+#include "harness/statistics.h"
+#include "harness/thread_team.h"
+#include "harness/ticks.h"
+#include "scene/registry.h"
+#include "simulate/engine.h"
+#include "workload/trace_trial.h"
+
+namespace icbench {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kFormat = "icbench calibration of simulations";
+constexpr int kVersion = 1;
+
+/// Low quantile of many short measurements: what is longer was disturbed.
+double undisturbed(const std::vector<double>& samples) { return quantile(samples, 0.1); }
+
+/// Nanoseconds a turn of `f`, which is called `turns` times for each sample.
+template <class F>
+double time_of(unsigned turns, unsigned samples, F&& f) {
+  std::vector<double> ns;
+  for (unsigned i = 0; i < samples; ++i) {
+    const auto start = Clock::now();
+    for (unsigned turn = 0; turn < turns; ++turn) f();
+    ns.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / turns);
+  }
+  return undisturbed(ns);
+}
+
+struct alignas(kNoSharing) Word {
+  std::atomic<int> value{0};
+};
+static_assert(sizeof(std::atomic<int>) == sizeof(int), "the kernel looks at the word itself");
+
+long futex(Word& word, int operation, int value) {
+  return syscall(SYS_futex, reinterpret_cast<int*>(&word.value), operation | FUTEX_PRIVATE_FLAG, value,
+                 nullptr, nullptr, 0);
+}
+
+/// One way: two threads take turns at a word, and one of them tells how long a round takes.
+double measured_transfer(ThreadTeam& two) {
+  constexpr int kRounds = 20'000;
+  Word word;
+  std::vector<double> samples;
+  const TickRate rate = calibrate_ticks();
+  two.run([&](unsigned t) {
+    std::uint64_t last = ticks();
+    for (int round = 0; round < kRounds; ++round) {
+      const int mine = 2 * round + static_cast<int>(t);
+      for (int expected = mine;; expected = mine) {
+        for (unsigned turn = 0; word.value.load(std::memory_order_relaxed) != mine; ++turn)
+          NoHooks::wait_turn(turn);
+        // Acquire and release as a lock's word has them, relaxed where it has: there is no data beside it.
+        if (word.value.compare_exchange_strong(expected, mine + 1, std::memory_order_acq_rel,
+                                               std::memory_order_relaxed))
+          break;
+      }
+      if (t != 0) continue;
+      const std::uint64_t now = ticks();
+      samples.push_back(0.5 * rate.to_ns(now - last));
+      last = now;
+    }
+  });
+  return undisturbed(samples);
+}
+
+/// Of the thread that wakes another, and until that one runs.
+void measure_waking(ThreadTeam& two, WaitCosts& out) {
+  constexpr int kRounds = 200;
+  Word word;
+  std::atomic<int> asleep{-1};
+  std::vector<std::uint64_t> called(kRounds), returned(kRounds), woken(kRounds);
+  const TickRate rate = calibrate_ticks();
+  two.run([&](unsigned t) {
+    for (int round = 0; round < kRounds; ++round) {
+      if (t == 0) {
+        // Release: the sleeper's stamp of the round before is there. Paired with the acquire below.
+        asleep.store(round, std::memory_order_release);
+        while (word.value.load(std::memory_order_acquire) != round + 1) futex(word, FUTEX_WAIT, round);
+        woken[static_cast<std::size_t>(round)] = ticks();
+      } else {
+        for (unsigned turn = 0; asleep.load(std::memory_order_acquire) != round; ++turn)
+          NoHooks::wait_turn(turn);
+        // Long enough to have gone to sleep: work, so that this processor stays awake.
+        asm volatile("" ::"r"(do_work(20'000, static_cast<std::uint64_t>(round))));
+        word.value.store(round + 1, std::memory_order_release);
+        called[static_cast<std::size_t>(round)] = ticks();
+        futex(word, FUTEX_WAKE, 1);
+        returned[static_cast<std::size_t>(round)] = ticks();
+      }
+    }
+  });
+  std::vector<double> calls, delays;
+  for (std::size_t i = 0; i < kRounds; ++i) {
+    calls.push_back(rate.to_ns(returned[i] - called[i]));
+    delays.push_back(rate.to_ns(woken[i] > called[i] ? woken[i] - called[i] : 0));
+  }
+  out.wake_call_ns = undisturbed(calls);
+  out.wake_delay_ns = undisturbed(delays);
+}
+
+double number_at(const Json& j, const char* name) {
+  if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
+    throw std::runtime_error(fmt::format("'{}' is no number >= 0", name));
+  return j[name].get<double>();
+}
+
+std::string text_at(const Json& j, const char* name) {
+  if (!j.is_object() || !j.contains(name) || !j[name].is_string())
+    throw std::runtime_error(fmt::format("'{}' is no text", name));
+  return j[name].get<std::string>();
+}
+
+struct WaitField {
+  const char* name;
+  double WaitCosts::*member;
+};
+constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},
+                                {"wake_call_ns", &WaitCosts::wake_call_ns},
+                                {"wake_delay_ns", &WaitCosts::wake_delay_ns},
+                                {"pause_ns", &WaitCosts::pause_ns},
+                                {"yield_ns", &WaitCosts::yield_ns},
+                                {"clock_ns", &WaitCosts::clock_ns},
+                                {"start_ns", &WaitCosts::start_ns}};
+
+Calibration parse(const Json& j) {
+  if (!j.is_object() || j.value("format", "") != kFormat) throw std::runtime_error("this is no calibration");
+  if (j.value("version", 0) != kVersion)
+    throw std::runtime_error("it is of another version; give --recalibrate");
+  Calibration c;
+  c.host_name = text_at(j, "host_name");
+  c.cpu_model = text_at(j, "cpu_model");
+  c.commit = text_at(j, "commit");
+  c.date = text_at(j, "date");
+  const Json transfers = j.value("transfer_ns", Json());
+  if (!transfers.is_array() || transfers.size() != c.transfers.ns.size())
+    throw std::runtime_error("'transfer_ns' has not three numbers");
+  for (std::size_t i = 0; i < transfers.size(); ++i) {
+    if (!transfers[i].is_number() || !(transfers[i].get<double>() >= 0.0))
+      throw std::runtime_error("'transfer_ns' has not three numbers >= 0");
+    c.transfers.ns[i] = transfers[i].get<double>();
+  }
+  c.is_transfer_measured = j.value("transfer_measured", false);
+  for (const WaitField& field : kWaits)
+    c.waits.*field.member = number_at(j.value("waits", Json()), field.name);
+  c.harness_query_ns = number_at(j, "harness_query_ns");
+  const Json all = j.value("costs", Json::object());
+  if (!all.is_object()) throw std::runtime_error("'costs' is no object");
+  for (const auto& [key, costs] : all.items()) {
+    try {
+      c.costs[key] = CacheCosts::from_json(costs);
+    } catch (const std::runtime_error& e) {
+      throw std::runtime_error(fmt::format("costs of '{}': {}", key, e.what()));
+    }
+  }
+  if (j.contains("validation")) {
+    const Json& v = j["validation"];
+    Validation out;
+    out.threads = static_cast<unsigned>(number_at(v, "threads"));
+    out.points = static_cast<unsigned>(number_at(v, "points"));
+    out.throughput_error = number_at(v, "throughput_error");
+    out.records_error = number_at(v, "records_error");
+    out.waiting_error = number_at(v, "waiting_error");
+    out.date = text_at(v, "date");
+    c.validation = out;
+  }
+  return c;
+}
+
+/// Samples of one kind of operation.
+class Samples {
+ public:
+  void add(std::uint64_t records, std::uint64_t valid, std::uint64_t fresh, double ns) {
+    all_.push_back({static_cast<unsigned>(std::bit_width(records + 1) - 1), static_cast<double>(valid),
+                    static_cast<double>(fresh), ns});
+  }
+
+  /// Mean by class of size at no valid record, and by least squares what each valid one and each one that is seen first
+  /// adds. Samples that are far longer than others of their class were interrupted.
+  SizeCost fit(double& valid_ns, double& fresh_ns) {
+    valid_ns = fresh_ns = 0.0;
+    if (all_.empty()) return SizeCost({0.0});
+    unsigned most = 0;
+    for (const One& s : all_) most = std::max(most, s.size_class);
+    std::vector<std::vector<double>> by_class(most + 1);
+    for (const One& s : all_) by_class[s.size_class].push_back(s.ns);
+    std::vector<double> limits;
+    for (const auto& ns : by_class) limits.push_back(ns.empty() ? 0.0 : 12.0 * median(ns));
+    std::erase_if(all_, [&](const One& s) { return s.ns > limits[s.size_class]; });
+
+    struct Mean {
+      double count = 0.0, valid = 0.0, fresh = 0.0, ns = 0.0;
+    };
+    std::vector<Mean> means(most + 1);
+    for (const One& s : all_) {
+      Mean& m = means[s.size_class];
+      m.count += 1.0;
+      m.valid += s.valid;
+      m.fresh += s.fresh;
+      m.ns += s.ns;
+    }
+    for (Mean& m : means) {
+      if (m.count == 0.0) continue;
+      m.valid /= m.count;
+      m.fresh /= m.count;
+      m.ns /= m.count;
+    }
+    double vv = 0.0, ff = 0.0, vf = 0.0, vn = 0.0, fn = 0.0;
+    for (const One& s : all_) {
+      const Mean& m = means[s.size_class];
+      const double v = s.valid - m.valid, f = s.fresh - m.fresh, n = s.ns - m.ns;
+      vv += v * v;
+      ff += f * f;
+      vf += v * f;
+      vn += v * n;
+      fn += f * n;
+    }
+    const double determinant = vv * ff - vf * vf;
+    if (determinant > 1e-9 * vv * ff) {
+      valid_ns = (vn * ff - fn * vf) / determinant;
+      fresh_ns = (fn * vv - vn * vf) / determinant;
+    } else if (vv > 0.0) {
+      valid_ns = vn / vv;
+    }
+    valid_ns = std::max(valid_ns, 0.0);
+    fresh_ns = std::max(fresh_ns, 0.0);
+    std::vector<double> out(most + 1, -1.0);
+    for (unsigned k = 0; k <= most; ++k) {
+      const Mean& m = means[k];
+      if (m.count != 0.0) out[k] = std::max(0.0, m.ns - valid_ns * m.valid - fresh_ns * m.fresh);
+    }
+    // Classes without a sample take the next one's that has some.
+    for (unsigned k = most; k-- > 0;)
+      if (out[k] < 0.0) out[k] = out[k + 1];
+    return SizeCost(std::move(out));
+  }
+
+ private:
+  struct One {
+    unsigned size_class;
+    double valid, fresh, ns;
+  };
+  std::vector<One> all_;
+};
+
+/// Runs a program on one core, or on several that take turns, and times every operation.
+class Sampler {
+ public:
+  Sampler(const SimulatedProgram& program, SteppedCache& cache, const Mechanism& mechanism, ThreadTeam& team)
+      : program_(program),
+        cache_(cache),
+        mechanism_(mechanism),
+        team_(team),
+        own_(team.size()),
+        fresh_(team.size()) {
+    for (int i = 0; i < 1000; ++i) {
+      const std::uint64_t start = ticks();
+      overhead_ = std::min(overhead_, static_cast<double>(ticks() - start));
+    }
+  }
+
+  OperationCosts run() {
+    bool is_first = true;
+    for (const SimulatedSegment& segment : program_.segments()) {
+      if (segment.is_fresh) {
+        if (!std::exchange(is_first, false)) cache_.clear();
+        for (const Record& r : segment.given) cache_.session(0).insert(r);
+        cache_.end_frame();
+        stored_ = merged_ = segment.given.size();
+      }
+      if (&segment == &program_.segments().front()) prefault(segment);
+      run_segment(segment);
+    }
+    OperationCosts out;
+    double unused_valid = 0.0, unused_fresh = 0.0;
+    out.query = queries_.fit(out.valid_ns, out.fresh_ns);
+    out.insert = inserts_.fit(unused_valid, unused_fresh);
+    return out;
+  }
+
+ private:
+  // So many operations that what the hand-over costs does not count.
+  static constexpr std::size_t kTurn = 64;
+
+  /// As trials do: for the inserts that are known, or an eighth of the queries that may lead to some.
+  void prefault(const SimulatedSegment& segment) {
+    std::uint64_t queries = 0, inserts = 0;
+    for (const Trace::Range chunk : segment.chunks) {
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) {
+        const SimulatedOperation what = program_.operation(i);
+        queries += what.inserts;
+        inserts += what.query == nullptr;
+      }
+    }
+    const auto each = static_cast<std::uint32_t>((queries / 8 + inserts) / team_.size() + 1);
+    for (unsigned t = 0; t < team_.size(); ++t) cache_.prefault(t, each);
+  }
+
+  void run_segment(const SimulatedSegment& segment) {
+    std::vector<std::uint32_t> operations;
+    for (const Trace::Range chunk : segment.chunks)
+      for (std::uint32_t i = chunk.begin; i < chunk.end; ++i) operations.push_back(i);
+    cache_.begin_frame();
+    std::fill(own_.begin(), own_.end(), 0);
+    fresh_.clear();
+    Word turns;
+    team_.run([&](unsigned t) {
+      for (std::size_t turn = t; turn * kTurn < operations.size(); turn += team_.size()) {
+        // Acquire, release: whose turn it is has everything to itself, the samples included.
+        for (unsigned i = 0; turns.value.load(std::memory_order_acquire) != static_cast<int>(turn); ++i)
+          NoHooks::wait_turn(i);
+        const std::size_t end = std::min(operations.size(), (turn + 1) * kTurn);
+        for (std::size_t i = turn * kTurn; i < end; ++i) run_operation(t, operations[i]);
+        turns.value.store(static_cast<int>(turn + 1), std::memory_order_release);
+      }
+    });
+    cache_.end_frame();
+    merged_ = stored_;
+  }
+
+  void run_operation(unsigned t, std::uint32_t i) {
+    const SimulatedOperation what = program_.operation(i);
+    if (what.query == nullptr) return insert(t, i);
+    if (ask(t, *what.query) && !what.refuses_answer) return;
+    if (what.asks_neighbours) ask(t, *what.query);
+    if (what.inserts) insert(t, i);
+  }
+
+  bool ask(unsigned t, const SurfacePoint& x) {
+    struct Shown {
+      std::array<std::uint32_t, 64> ids;
+      std::uint32_t valid = 0;
+      Interpolator interpolator;
+    } shown;
+    const std::uint64_t start = ticks();
+    cache_.session(t).visit(x, {[](void* context, const Record& r, float weight) noexcept {
+                                  auto& s = *static_cast<Shown*>(context);
+                                  s.ids[s.valid++ % s.ids.size()] = r.id;
+                                  s.interpolator(r, weight);
+                                },
+                                &shown});
+    const double ns = elapsed(start);
+    std::uint64_t fresh = 0;
+    for (std::uint32_t k = 0; k < std::min<std::size_t>(shown.valid, shown.ids.size()); ++k)
+      fresh += fresh_.see(shown.ids[k], t) != FreshRecords::kNobody;
+    queries_.add(visible(t), shown.valid, fresh, ns);
+    return shown.valid != 0;
+  }
+
+  void insert(unsigned t, std::uint32_t i) {
+    const Record record = program_.record(i);
+    const std::uint64_t before = visible(t), start = ticks();
+    const InsertResult result = cache_.session(t).insert(record);
+    inserts_.add(before, 0, 0, elapsed(start));
+    if (result != InsertResult::inserted) return;
+    ++own_[t];
+    ++stored_;
+    if (!mechanism_.sees_own_only) fresh_.add(record.id, t);
+  }
+
+  std::uint64_t visible(unsigned t) const noexcept {
+    return mechanism_.searches_own ? own_[t] : mechanism_.sees_own_only ? merged_ + own_[t] : stored_;
+  }
+  double elapsed(std::uint64_t start) const noexcept {
+    return std::max(0.0, rate_.ns_per_tick * (static_cast<double>(ticks() - start) - overhead_));
+  }
+
+  const SimulatedProgram& program_;
+  SteppedCache& cache_;
+  const Mechanism& mechanism_;
+  ThreadTeam& team_;
+  const TickRate rate_ = calibrate_ticks();
+  double overhead_ = 1e9;
+  std::vector<std::uint64_t> own_;
+  FreshRecords fresh_;
+  std::uint64_t stored_ = 0, merged_ = 0;
+  Samples queries_, inserts_;
+};
+
+}  // namespace
+
+bool Validation::holds() const noexcept {
+  return throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar;
+}
+
+nlohmann::ordered_json Calibration::to_json() const {
+  Json j = {{"format", kFormat},
+            {"version", kVersion},
+            {"host_name", host_name},
+            {"cpu_model", cpu_model},
+            {"commit", commit},
+            {"date", date},
+            {"transfer_ns", transfers.ns},
+            {"transfer_measured", is_transfer_measured}};
+  for (const WaitField& field : kWaits) j["waits"][field.name] = waits.*field.member;
+  j["harness_query_ns"] = harness_query_ns;
+  if (validation) {
+    j["validation"] = {{"threads", validation->threads},
+                       {"points", validation->points},
+                       {"throughput_error", validation->throughput_error},
+                       {"records_error", validation->records_error},
+                       {"waiting_error", validation->waiting_error},
+                       {"date", validation->date}};
+  }
+  j["costs"] = Json::object();
+  for (const auto& [key, c] : costs) j["costs"][key] = c.to_json();
+  return j;
+}
+
+std::string default_calibration_path() {
+  const char* const cache = std::getenv("XDG_CACHE_HOME");
+  const char* const home = std::getenv("HOME");
+  // A path that is not absolute is to be ignored (XDG base directory specification).
+  const std::filesystem::path folder = cache != nullptr && cache[0] == '/' ? std::filesystem::path(cache)
+                                       : home != nullptr ? std::filesystem::path(home) / ".cache"
+                                                         : std::filesystem::temp_directory_path();
+  return (folder / "icbench" / "calibration.json").string();
+}
+
+std::optional<Calibration> read_calibration(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::exists(path, none)) return std::nullopt;
+  std::ifstream in(path);
+  try {
+    const Json j = Json::parse(in, nullptr, false);
+    if (!in && !in.eof()) throw std::runtime_error("it cannot be read");
+    if (j.is_discarded()) throw std::runtime_error("this is no JSON");
+    return parse(j);
+  } catch (const std::exception& e) {
+    throw std::runtime_error(fmt::format("calibration '{}': {}", path, e.what()));
+  }
+}
+
+void write_calibration(const Calibration& calibration, const std::string& path) {
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (!folder.empty()) std::filesystem::create_directories(folder, error);
+  if (error) {
+    throw std::runtime_error(fmt::format(
+        "calibration '{}': its folder cannot be made ({}); give --calibration", path, error.message()));
+  }
+  const std::string text = calibration.to_json().dump(1) + "\n";
+  replace_file(path, [&](const Descriptor& out) { write_all(out, text, path); });
+}
+
+Calibration calibrate_machine(const Topology& topology, const Json& environment) {
+  Calibration c;
+  c.host_name = environment.value("host_name", "");
+  c.cpu_model = environment.value("cpu_model", "");
+  c.commit = environment.value("commit", "");
+  c.date = date_now();
+  if (topology.units().size() >= 2) {
+    ThreadTeam two(topology, Placement::compact, 2);
+    c.transfers.ns[0] = measured_transfer(two);
+    c.is_transfer_measured = true;
+    measure_waking(two, c.waits);
+  }
+  c.waits.clock_ns = time_of(100, 500, [] {
+    const auto now = Clock::now();
+    asm volatile("" ::"r"(&now) : "memory");
+  });
+  c.waits.pause_ns = time_of(100, 500, [] { spin_pause(); });
+  Word word;
+  c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
+  // A call that returns at once, as this one does where nobody is there to run; here somebody may be.
+  c.waits.yield_ns = c.waits.park_ns;
+  c.waits.start_ns = time_of(1, 50, [] { std::jthread([] {}); });
+
+  const WorkloadSpec spec = parse_workload("read_only:records=1000:operations=200000");
+  const RayTracer rays(make_scene(spec.scene));
+  const SyntheticPlan plan(spec, rays, 1);
+  ThreadTeam one(topology, Placement::compact, 1);
+  std::vector<double> samples;
+  const Work work = Work::calibrate();
+  for (std::uint64_t i = 0; i < 9; ++i) {
+    const TrialOutcome o = find_cache("null").synthetic(plan, {one, work, i});
+    samples.push_back(o.cpu_ns / static_cast<double>(o.operations));
+  }
+  c.harness_query_ns = median(samples);
+  return c;
+}
+
+std::string workload_key(const WorkloadSpec& s) {
+  if (s.kind == WorkloadKind::trace) return fmt::format("trace {:016x}", read_trace_header(s.file).checksum);
+  return fmt::format("{} {}/1000 inserts, {} records, {} operations, order {}, a {}, scene {}",
+                     to_string(s.kind), s.inserts_per_1000, s.prefilled() + s.inserts(), s.operations,
+                     static_cast<int>(s.order), s.a, s.scene);
+}
+
+std::string key_of(std::string_view cache, const std::string& workload) {
+  return fmt::format("{} under {}", cache, workload);
+}
+
+CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
+                           ThreadTeam* two, const Work& work, const Calibration& machine,
+                           std::uint64_t seed) {
+  const auto trial = [&](const CacheEntry& entry, std::uint64_t repetition) {
+    const TrialSetup setup{one, work, hash_keys(seed, repetition, 8)};
+    const TrialOutcome o =
+        plan.trace ? entry.trace(*plan.trace, setup) : entry.synthetic(*plan.synthetic, setup);
+    if (!o.error.empty())
+      throw std::runtime_error(fmt::format("calibration of {}: {}", entry.traits.name, o.error));
+    return o;
+  };
+  const auto program = plan.trace ? simulated_program(*plan.trace)
+                                  : simulated_program(*plan.synthetic, 1, hash_keys(seed, 0, 8));
+
+  // The shape: one operation after the other.
+  CacheCosts costs;
+  const Mechanism mechanism = mechanism_of(cache.traits);
+  const auto sampled = [&](ThreadTeam& team) {
+    const auto stepped = cache.stepped(program->config(team.size()));
+    return Sampler(*program, *stepped, mechanism, team).run();
+  };
+  costs.operations = sampled(one);
+  // Two threads that take turns: only what a first sight adds to a query is taken from there, which compares queries of
+  // one run. The rest is too sensitive to what runs in the turns of others.
+  if (two != nullptr && !cache.traits.single_thread) costs.operations.fresh_ns = sampled(*two).fresh_ns;
+  // Around it: the same with a cache that does nothing.
+  constexpr std::uint64_t kTrials = 5;
+  std::vector<double> around, whole, merges;
+  double inserts_per_query = 0.0;
+  for (std::uint64_t i = 0; i < kTrials; ++i) {
+    const TrialOutcome nothing = trial(find_cache("null"), i);
+    const double queries = static_cast<double>(nothing.counts.queries);
+    const double offered = static_cast<double>(nothing.counts.full);
+    inserts_per_query = queries == 0.0 ? 0.0 : offered / queries;
+    around.push_back(nothing.cpu_ns / std::max(1.0, queries == 0.0 ? offered : queries));
+    const TrialOutcome real = trial(cache, i);
+    whole.push_back(real.cpu_ns);
+    merges.push_back(real.merge_ns / std::max(1.0, static_cast<double>(real.counts.inserted)));
+  }
+  costs.outside_query_ns = std::min(machine.harness_query_ns, median(around));
+  costs.outside_insert_ns = inserts_per_query == 0.0
+                                ? median(around)
+                                : (median(around) - costs.outside_query_ns) / inserts_per_query;
+  costs.merge_record_ns = mechanism.merge == Mechanism::Merge::none ? 0.0 : median(merges);
+
+  // The scale: one thread takes as long as it does.
+  const MachineModel alone{.cores = 1};
+  const auto stepped = cache.stepped(program->config(1));
+  const SimulatedOutcome o = simulate(*program, *stepped, {alone, machine.waits, costs, mechanism, seed});
+  const double modelled = o.wall_ns - o.merge_ns, measured = median(whole) - o.merge_ns;
+  if (modelled > 0.0 && measured > 0.0) {
+    costs.scale(measured / modelled);
+  }
+  return costs;
+}
+
+}  // namespace icbench

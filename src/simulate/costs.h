@@ -1,0 +1,90 @@
+// What operations cost: the calibration's figures, which the engine adds up.
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <unordered_map>
+#include <vector>
+
+#include "simulate/locks.h"
+#include "simulate/machine.h"
+
+namespace icbench {
+
+/// Nanoseconds of an operation as a function of how many records are there.
+class SizeCost {
+ public:
+  /// By floor(log2(records + 1)); not empty, each >= 0.
+  explicit SizeCost(std::vector<double> ns = {0.0}) : ns_(std::move(ns)) {}
+
+  /// Linear in log2 between the middles of its classes.
+  double at(std::uint64_t records) const noexcept;
+  const std::vector<double>& ns() const noexcept { return ns_; }
+  void scale(double by) {
+    for (double& x : ns_) x *= by;
+  }
+
+ private:
+  std::vector<double> ns_;
+};
+
+/// Queries and inserts of one cache, nanoseconds.
+struct OperationCosts {
+  SizeCost query, insert;
+  double valid_ns = 0.0;  ///< a query, for each valid record
+  double fresh_ns =
+      0.0;  ///< a query, for each valid record that another core inserted and this one sees first
+};
+
+/// Of one cache under one workload, nanoseconds.
+struct CacheCosts {
+  OperationCosts operations;
+  double outside_query_ns = 0.0;  ///< of the workload's own code around it: outside of any lock
+  double outside_insert_ns = 0.0;
+  double merge_record_ns = 0.0;  ///< of end_frame, for each record inserted since the last
+
+  void scale(double by);
+
+  nlohmann::ordered_json to_json() const;
+  /// Throws std::runtime_error with one line if a field is missing or no number >= 0.
+  static CacheCosts from_json(const nlohmann::ordered_json& j);
+};
+
+/// Who has seen which of the records that were inserted since the last quiescent point.
+class FreshRecords {
+ public:
+  static constexpr unsigned kNobody = ~0u;
+
+  explicit FreshRecords(unsigned cores) : words_((cores + 63) / 64) {}
+
+  void add(std::uint32_t id, unsigned core) {
+    const auto [at, is_new] = inserted_.try_emplace(id, Inserted{core, seen_.size()});
+    if (is_new) seen_.resize(seen_.size() + words_);
+    seen_[at->second.first + core / 64] |= std::uint64_t{1} << core % 64;
+  }
+  /// Who inserted the record with that id, if `core` sees it for the first time; else kNobody.
+  unsigned see(std::uint32_t id, unsigned core) {
+    const auto at = inserted_.find(id);
+    if (at == inserted_.end()) return kNobody;
+    std::uint64_t& word = seen_[at->second.first + core / 64];
+    const std::uint64_t bit = std::uint64_t{1} << core % 64;
+    if ((word & bit) != 0) return kNobody;
+    word |= bit;
+    return at->second.core;
+  }
+  void clear() {
+    inserted_.clear();
+    seen_.clear();
+  }
+
+ private:
+  struct Inserted {
+    unsigned core;
+    std::size_t first;  // of its words in seen_
+  };
+  std::size_t words_;
+  std::unordered_map<std::uint32_t, Inserted> inserted_;
+  std::vector<std::uint64_t> seen_;
+};
+
+}  // namespace icbench

@@ -1,0 +1,452 @@
+#include "simulate/engine.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <queue>
+#include <stdexcept>
+#include <unordered_map>
+
+namespace icbench {
+
+double SizeCost::at(std::uint64_t records) const noexcept {
+  const double place = std::log2(static_cast<double>(records) + 1.0) - 0.5;
+  const double last = static_cast<double>(ns_.size() - 1);
+  const double low = std::clamp(std::floor(place), 0.0, last);
+  const double high = std::min(low + 1.0, last);
+  const double part = std::clamp(place - low, 0.0, 1.0);
+  return ns_[static_cast<std::size_t>(low)] * (1.0 - part) + ns_[static_cast<std::size_t>(high)] * part;
+}
+
+void CacheCosts::scale(double by) {
+  operations.query.scale(by);
+  operations.insert.scale(by);
+  operations.valid_ns *= by;
+  operations.fresh_ns *= by;
+  outside_query_ns *= by;
+  outside_insert_ns *= by;
+}
+
+nlohmann::ordered_json CacheCosts::to_json() const {
+  return {{"query_ns", operations.query.ns()},    {"insert_ns", operations.insert.ns()},
+          {"valid_ns", operations.valid_ns},      {"fresh_ns", operations.fresh_ns},
+          {"outside_query_ns", outside_query_ns}, {"outside_insert_ns", outside_insert_ns},
+          {"merge_record_ns", merge_record_ns}};
+}
+
+CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
+  using Json = nlohmann::ordered_json;
+  const auto field = [](const Json& j, const char* name) -> const Json& {
+    if (!j.is_object() || !j.contains(name)) throw std::runtime_error(fmt::format("there is no '{}'", name));
+    return j[name];
+  };
+  const auto number = [](const Json& value) {
+    if (!value.is_number() || !(value.get<double>() >= 0.0))
+      throw std::runtime_error("a cost is no number >= 0");
+    return value.get<double>();
+  };
+  const auto sizes = [&](const Json& j, const char* name) {
+    std::vector<double> ns;
+    for (const auto& value : field(j, name)) ns.push_back(number(value));
+    if (ns.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
+    return SizeCost(std::move(ns));
+  };
+  CacheCosts out;
+  out.operations = {sizes(all, "query_ns"), sizes(all, "insert_ns"), number(field(all, "valid_ns")),
+                    number(field(all, "fresh_ns"))};
+  out.outside_query_ns = number(field(all, "outside_query_ns"));
+  out.outside_insert_ns = number(field(all, "outside_insert_ns"));
+  out.merge_record_ns = number(field(all, "merge_record_ns"));
+  return out;
+}
+
+namespace {
+
+Mechanism declared(const CacheTraits& traits) noexcept {
+  constexpr std::pair<std::string_view, LockKind> kLocks[] = {
+      {"global_mutex", LockKind::mutex},    {"global_spin", LockKind::spin},
+      {"queuing_mutex", LockKind::queue},   {"shared_mutex", LockKind::futex_rw},
+      {"spin_rw_mutex", LockKind::spin_rw}, {"distributed_rw", LockKind::distributed_rw},
+  };
+  Mechanism out;
+  for (const auto& [name, kind] : kLocks) {
+    if (traits.mechanism == name) out.lock = kind;
+  }
+  out.locks_nodes = traits.name == "node_lock";  // the one that make_logged_node_locks makes
+  out.has_clock = traits.mechanism.ends_with("snapshot");
+  out.has_tail = traits.mechanism == "tbb" || traits.mechanism == "append_log";
+  out.sees_own_only = traits.consistency == Consistency::frame;
+  out.searches_own = traits.mechanism == "append_log";
+  if (out.sees_own_only)
+    out.merge = traits.mechanism == "local_write" ? Mechanism::Merge::parallel : Mechanism::Merge::serial;
+  return out;
+}
+
+}  // namespace
+
+bool has_model(const CacheTraits& traits) noexcept {
+  const Mechanism m = declared(traits);
+  return (traits.insert != ProgressGuarantee::blocking && traits.query != ProgressGuarantee::blocking) ||
+         m.lock != LockKind::none || m.locks_nodes || m.has_tail;
+}
+
+Mechanism mechanism_of(const CacheTraits& traits) {
+  if (!has_model(traits)) {
+    throw std::runtime_error(
+        fmt::format("cache '{}': the simulator has no model of its mechanism '{}'; add one to "
+                    "src/simulate/engine.cpp",
+                    traits.name, traits.mechanism));
+  }
+  return declared(traits);
+}
+
+namespace {
+
+/// A node's lock: when the last one who locked it had it.
+struct NodeLine {
+  unsigned owner = ~0u;
+  double from = 0.0, until = 0.0;
+};
+
+class Engine {
+ public:
+  Engine(const SimulatedProgram& program, SteppedCache& cache, const SimulatedSetup& setup)
+      : program_(program),
+        cache_(cache),
+        setup_(setup),
+        machine_(setup.machine),
+        mechanism_(setup.mechanism),
+        operations_(setup.costs.operations),
+        threads_(setup.machine.cores),
+        fresh_(setup.machine.cores),
+        lock_(make_lock(setup.mechanism.lock, setup.machine, setup.waits, setup.seed,
+                        [this](unsigned thread, double time) {
+                          events_.push({time, thread, threads_[thread].waits, true});
+                        })) {
+    for (unsigned t = 0; t < threads_.size(); ++t) threads_[t].session = &cache.session(t);
+  }
+
+  SimulatedOutcome run() {
+    cache_.reset_counters();
+    const std::vector<SimulatedSegment>& segments = program_.segments();
+    for (std::size_t s = 0; s < segments.size(); ++s) {
+      if (segments[s].is_fresh) start_fresh(segments[s], s != 0);
+      run_segment(segments[s]);
+      if (s + 1 == segments.size() || segments[s + 1].is_fresh) count_records();
+    }
+    out_.operations = out_.queries + out_.inserts + out_.refused;
+    const double queries = std::max(1.0, static_cast<double>(counts_.queries));
+    out_.records_read_per_query = static_cast<double>(counts_.records_read) / queries;
+    out_.records_valid_per_query = static_cast<double>(counts_.records_valid) / queries;
+    return out_;
+  }
+
+ private:
+  enum class Stage : std::uint8_t { query, neighbours, insert };
+
+  struct Thread {
+    AnySession* session = nullptr;
+    Stage stage = Stage::query;
+    bool is_inside = false;  // of an operation; else about to begin it
+    bool is_waiting = false, is_answered = false;
+    std::uint32_t waits = 0;  // so many times; events of earlier waits are stale
+    std::uint32_t at = 0, end = 0, operation = 0;
+    std::uint64_t own = 0;  // inserted since the last quiescent point
+    double since = 0.0;     // waiting
+    SimulatedOperation what;
+  };
+  struct Event {
+    double time;
+    std::uint32_t thread, waits;
+    bool is_resume;
+    bool operator<(const Event& o) const noexcept {  // the greatest is next
+      return time != o.time ? time > o.time : thread > o.thread;
+    }
+  };
+
+  void start_fresh(const SimulatedSegment& segment, bool is_again) {
+    if (is_again) cache_.clear();
+    fresh_.clear();
+    nodes_.clear();
+    cache_.begin_frame();
+    for (const Record& r : segment.given) threads_[0].session->insert(r);
+    cache_.end_frame();
+    stored_ = merged_ = segment.given.size();
+    cache_.reset_counters();
+  }
+
+  void run_segment(const SimulatedSegment& segment) {
+    segment_ = &segment;
+    next_chunk_ = 0;
+    last_ = 0.0;
+    // Virtual time goes on: lines and locks keep their state.
+    const double begin = now_;
+    cache_.begin_frame();
+    for (unsigned t = 0; t < threads_.size(); ++t) {
+      threads_[t].at = threads_[t].end = 0;
+      threads_[t].own = 0;
+      if (segment.is_dealt) {
+        threads_[t].at = segment.chunks[t].begin;
+        threads_[t].end = segment.chunks[t].end;
+      }
+      begin_operation(t, begin);
+    }
+    while (!events_.empty()) {
+      const Event event = events_.top();
+      events_.pop();
+      Thread& thread = threads_[event.thread];
+      if (event.is_resume) {
+        if (thread.is_waiting && thread.waits == event.waits) resume(event.thread, event.time);
+      } else if (thread.is_inside) {
+        depart(event.thread, event.time);
+      } else {
+        arrive(event.thread, event.time);
+      }
+    }
+    const double merge = end_frame();
+    now_ = std::max(last_, begin) + merge;
+    out_.merge_ns += merge;
+    out_.wall_ns += now_ - begin;
+    counts_ += cache_.counters();
+    cache_.reset_counters();
+  }
+
+  /// The thread's next operation; its code around the operation comes first.
+  void begin_operation(unsigned t, double time) {
+    Thread& thread = threads_[t];
+    while (thread.at == thread.end) {
+      if (segment_->is_dealt || next_chunk_ == segment_->chunks.size()) {
+        last_ = std::max(last_, time);
+        out_.busy_ns += time - now_;
+        return;
+      }
+      const Trace::Range chunk = segment_->chunks[next_chunk_++];
+      thread.at = chunk.begin;
+      thread.end = chunk.end;
+    }
+    thread.operation = thread.at++;
+    thread.what = program_.operation(thread.operation);
+    approach(t, thread.what.query != nullptr ? Stage::query : Stage::insert, time);
+  }
+
+  void approach(unsigned t, Stage stage, double time) {
+    threads_[t].stage = stage;
+    threads_[t].is_inside = false;
+    const CacheCosts& c = setup_.costs;
+    push(t, time + (stage == Stage::insert ? c.outside_insert_ns : c.outside_query_ns));
+  }
+
+  void arrive(unsigned t, double time) {
+    if (lock_ == nullptr) return go_in(t, time);
+    ++out_.lock_acquisitions;
+    if (const auto in = lock_->enter(visitor(t), time)) return go_in(t, *in);
+    Thread& thread = threads_[t];
+    ++out_.lock_contended;
+    thread.is_waiting = true;
+    thread.since = time;
+  }
+
+  void resume(unsigned t, double time) {
+    const auto in = lock_->resume(visitor(t), time);
+    if (!in) return;
+    Thread& thread = threads_[t];
+    thread.is_waiting = false;
+    ++thread.waits;
+    const double waited = *in - thread.since;
+    out_.lock_wait_ns += waited;
+    if (mechanism_.lock == LockKind::mutex || mechanism_.lock == LockKind::futex_rw)
+      out_.busy_ns -= std::max(0.0, waited - setup_.waits.park_ns);  // asleep
+    go_in(t, *in + setup_.waits.clock_ns);
+  }
+
+  /// The operation begins; what it reads, it reads now.
+  void go_in(unsigned t, double time) {
+    Thread& thread = threads_[t];
+    thread.is_inside = true;
+    const double end = thread.stage == Stage::insert ? time_of_insert(t, time) : run_query(t, time);
+    push(t, end);
+  }
+
+  /// The operation ends; what it writes is there from now on.
+  void depart(unsigned t, double time) {
+    Thread& thread = threads_[t];
+    if (thread.stage == Stage::insert) {
+      const Record record = program_.record(thread.operation);
+      LockLog::words().clear();
+      if (thread.session->insert(record) == InsertResult::inserted) {
+        ++out_.inserts;
+        ++thread.own;
+        ++stored_;
+        if (!mechanism_.sees_own_only) fresh_.add(record.id, t);
+      } else {
+        ++out_.refused;
+      }
+      if (mechanism_.locks_nodes) time = lock_nodes(t, time, 0.0);
+    }
+    if (lock_ != nullptr) time = lock_->leave(visitor(t), time);
+    proceed(t, time);
+  }
+
+  void proceed(unsigned t, double time) {
+    Thread& thread = threads_[t];
+    if (thread.stage == Stage::insert || (thread.stage == Stage::query && thread.is_answered))
+      return begin_operation(t, time);
+    if (thread.stage == Stage::query) {
+      time += thread.what.work_ns;
+      out_.work_ns += thread.what.work_ns;
+      if (thread.what.asks_neighbours) return approach(t, Stage::neighbours, time);
+    }
+    if (thread.what.inserts) return approach(t, Stage::insert, time);
+    begin_operation(t, time);
+  }
+
+  double run_query(unsigned t, double time) {
+    struct Shown {
+      Engine* engine;
+      unsigned core;
+      std::uint64_t valid;
+      double transfer_ns;
+    } shown{this, t, 0, 0.0};
+    Thread& thread = threads_[t];
+    LockLog::words().clear();
+    thread.session->visit(*thread.what.query, {[](void* context, const Record& r, float) noexcept {
+                                                 auto& s = *static_cast<Shown*>(context);
+                                                 ++s.valid;
+                                                 if (s.engine->machine_.cores != 1)
+                                                   s.transfer_ns += s.engine->first_sight(r.id, s.core);
+                                               },
+                                               &shown});
+    if (thread.stage == Stage::query) {
+      ++out_.queries;
+      thread.is_answered = shown.valid != 0 && !thread.what.refuses_answer;
+      out_.hits += shown.valid != 0;
+    }
+    double end = time + shown.transfer_ns;
+    if (mechanism_.has_clock) end = clock_.read(machine_, t, end);
+    out_.transfer_ns += end - time;
+    const double ns =
+        operations_.query.at(visible(thread)) + operations_.valid_ns * static_cast<double>(shown.valid);
+    return mechanism_.locks_nodes ? lock_nodes(t, end, ns) : end + ns;
+  }
+
+  double time_of_insert(unsigned t, double time) {
+    const Thread& thread = threads_[t];
+    double end = time;
+    if (mechanism_.has_clock) end = clock_.write(machine_, t, end);
+    if (mechanism_.has_tail) end = tail_.write(machine_, t, end);
+    if (lock_ != nullptr) {
+      // Tickets and the allocator's place, which all share under the lock.
+      constexpr double kLines = 2.0;
+      end += kLines * (data_.write(machine_, t, end) - end);
+    } else if (thread.own % kTicketBatch == 0) {
+      end = tickets_.write(machine_, t, end);
+    }
+    out_.transfer_ns += end - time;
+    return end + operations_.insert.at(visible(thread));
+  }
+
+  /// The operation's locks one after the other, each held for an equal share of `ns`; when the last is free again.
+  double lock_nodes(unsigned t, double time, double ns) {
+    const auto& words = LockLog::words();
+    if (words.empty()) return time + ns;
+    const double hold = ns / static_cast<double>(words.size());
+    out_.lock_acquisitions += words.size();
+    for (const void* word : words) {
+      NodeLine& node = nodes_[word];
+      const double transfer = node.owner == ~0u ? 0.0 : machine_.transfer_ns(node.owner, t);
+      double in = time + transfer;
+      // Before the last one came, or after it left; else the lock is taken.
+      const bool is_before = in + hold <= node.from;
+      if (!is_before && node.until > time) {
+        in = node.until + transfer;
+        ++out_.lock_contended;
+        out_.lock_wait_ns += in - time;
+      }
+      out_.transfer_ns += transfer;
+      time = in + hold;
+      if (!is_before) node = {t, in, time};
+    }
+    return time;
+  }
+
+  /// What the core waits for a record that it sees for the first time: as measured within a complex, and from farther
+  /// away in proportion to transfers.
+  double first_sight(std::uint32_t id, unsigned core) {
+    const unsigned from = fresh_.see(id, core);
+    if (from == FreshRecords::kNobody) return 0.0;
+    const double near = machine_.transfers.ns[0];
+    return near > 0.0 ? operations_.fresh_ns * machine_.transfer_ns(from, core) / near : operations_.fresh_ns;
+  }
+
+  /// Records on which the cost of a query or an insert of the thread depends.
+  std::uint64_t visible(const Thread& thread) const noexcept {
+    if (mechanism_.searches_own) return thread.own;
+    return mechanism_.sees_own_only ? merged_ + thread.own : stored_;
+  }
+
+  /// Ends the frame; returns what merging takes.
+  double end_frame() {
+    cache_.end_frame();
+    fresh_.clear();
+    double merge = 0.0;
+    for (unsigned t = 0; t < threads_.size(); ++t) {
+      const double mine = static_cast<double>(threads_[t].own) * setup_.costs.merge_record_ns;
+      if (mechanism_.merge == Mechanism::Merge::serial) merge += mine;
+      // One helper after the other is started (core/parallel.h).
+      if (mechanism_.merge == Mechanism::Merge::parallel)
+        merge = std::max(merge, mine + setup_.waits.start_ns * t);
+      if (mechanism_.merge != Mechanism::Merge::none) out_.busy_ns += mine;
+    }
+    merged_ = stored_;
+    return merge;
+  }
+
+  void count_records() {
+    RecordsDigest digest;
+    struct Sum {
+      RecordsDigest* digest;
+      std::uint64_t records;
+    } sum{&digest, 0};
+    cache_.for_each_record({[](void* context, const Record& r, float) noexcept {
+                              auto& s = *static_cast<Sum*>(context);
+                              s.digest->add(r);
+                              ++s.records;
+                            },
+                            &sum});
+    out_.records += sum.records;
+    out_.digest = digest.value();
+  }
+
+  Visitor visitor(unsigned t) const noexcept { return {t, t, threads_[t].stage == Stage::insert}; }
+  void push(unsigned t, double time) { events_.push({time, t, 0, false}); }
+
+  const SimulatedProgram& program_;
+  SteppedCache& cache_;
+  const SimulatedSetup& setup_;
+  const MachineModel& machine_;
+  const Mechanism mechanism_;
+  const OperationCosts operations_;
+  std::vector<Thread> threads_;  // thread t on core t
+  FreshRecords fresh_;
+  std::unique_ptr<VirtualLock> lock_;
+  std::priority_queue<Event> events_;
+  std::unordered_map<const void*, NodeLine> nodes_;
+  Line clock_, tail_, tickets_, data_;
+  const SimulatedSegment* segment_ = nullptr;
+  std::size_t next_chunk_ = 0;
+  std::uint64_t stored_ = 0, merged_ = 0;
+  double now_ = 0.0, last_ = 0.0;
+  Counts counts_;
+  SimulatedOutcome out_;
+};
+
+}  // namespace
+
+SimulatedOutcome simulate(const SimulatedProgram& program, SteppedCache& cache, const SimulatedSetup& setup) {
+  return Engine(program, cache, setup).run();
+}
+
+}  // namespace icbench

@@ -1,0 +1,354 @@
+#include "simulate/locks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace icbench {
+namespace {
+
+/// Turns of a loop that waits: so many of one pause, then of two, four, up to the longest, and then the processor is
+/// given up each time.
+struct Backoff {
+  unsigned of_each;
+  double longest;
+};
+constexpr Backoff kOurs{256, 1.0};   // NoHooks::wait_turn
+constexpr Backoff kOneTbb{1, 16.0};  // its detail::d0::atomic_backoff
+
+/// What all models have.
+class Model : public VirtualLock {
+ public:
+  Model(const MachineModel& machine, const WaitCosts& costs, std::uint64_t seed, Wake wake)
+      : machine_(machine), costs_(costs), random_(seed), wake_(std::move(wake)) {}
+
+ protected:
+  struct Waiting {
+    Visitor visitor;
+    double since;  // spinning, or asleep from then on
+  };
+
+  double transfer(const Visitor& from, const Visitor& to) const noexcept {
+    return machine_.transfer_ns(from.core, to.core);
+  }
+  /// When one who looks at the word now and then, after ever longer turns, sees what was written at t.
+  double noticed(const Visitor& writer, const Waiting& waiting, double t,
+                 const Backoff& backoff) const noexcept {
+    const double seen = t + transfer(writer, waiting.visitor);
+    double look = waiting.since;
+    for (double turn = 1.0; turn <= backoff.longest; turn *= 2.0) {
+      for (unsigned i = 0; i < backoff.of_each; ++i) {
+        if (look >= seen) return look;
+        look += turn * costs_.pause_ns;
+      }
+    }
+    if (look >= seen || costs_.yield_ns <= 0.0) return std::max(look, seen);
+    return look + std::ceil((seen - look) / costs_.yield_ns) * costs_.yield_ns;
+  }
+  /// When one who sleeps has woken, if somebody calls for it at t.
+  double awake(const Waiting& sleeper, double t) const noexcept {
+    return std::max(sleeper.since, t + costs_.wake_delay_ns);
+  }
+  static void forget(std::vector<Waiting>& waiting, unsigned thread) {
+    std::erase_if(waiting, [&](const Waiting& w) { return w.visitor.thread == thread; });
+  }
+
+  const MachineModel& machine_;
+  const WaitCosts& costs_;
+  Pcg32 random_;
+  Wake wake_;
+  Line line_;
+};
+
+class Mutex final : public Model {
+ public:
+  using Model::Model;
+
+  std::optional<double> enter(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    if (!std::exchange(is_held_, true)) return t;
+    return sleep(v, t);
+  }
+  std::optional<double> resume(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    // Who has slept cannot know whether others do, and leaves a mark that they may.
+    if (std::exchange(is_held_, true)) return sleep(v, t);
+    has_sleepers_ = true;
+    return t;
+  }
+  double leave(const Visitor& v, double t) override {
+    is_held_ = false;
+    t = line_.write(machine_, v.core, t);
+    if (!std::exchange(has_sleepers_, false)) return t;
+    if (!sleepers_.empty()) {
+      wake_(sleepers_.front().visitor.thread, awake(sleepers_.front(), t));
+      sleepers_.pop_front();
+    }
+    return t + costs_.wake_call_ns;
+  }
+
+ private:
+  std::nullopt_t sleep(const Visitor& v, double t) {
+    has_sleepers_ = true;
+    sleepers_.push_back({v, t + costs_.park_ns});
+    return std::nullopt;
+  }
+
+  bool is_held_ = false, has_sleepers_ = false;
+  std::deque<Waiting> sleepers_;
+};
+
+class Spin final : public Model {
+ public:
+  using Model::Model;
+
+  std::optional<double> enter(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    // Whoever waits may be there before.
+    if (!is_held_ && (waiting_.empty() || t < first_try_)) {
+      is_held_ = true;
+      return t;
+    }
+    waiting_.push_back({v, t});
+    return std::nullopt;
+  }
+  std::optional<double> resume(const Visitor& v, double t) override {
+    if (is_held_) return std::nullopt;
+    is_held_ = true;
+    forget(waiting_, v.thread);
+    return line_.write(machine_, v.core, t);
+  }
+  double leave(const Visitor& v, double t) override {
+    is_held_ = false;
+    if (waiting_.empty()) return line_.write(machine_, v.core, t);
+    // The word is at those who wait. The store does not hold up the one who leaves.
+    const auto n = static_cast<std::uint32_t>(waiting_.size());
+    const Waiting& first = waiting_[random_.below(n)];
+    const double in_vain = 0.5 * (n - 1) * machine_.transfers.ns[0];
+    first_try_ = noticed(v, first, t, kOurs) + in_vain;
+    line_.read(machine_, first.visitor.core, t);
+    wake_(first.visitor.thread, first_try_);
+    return t;
+  }
+
+ private:
+  bool is_held_ = false;
+  double first_try_ = 0.0;  // of who was woken last
+  std::vector<Waiting> waiting_;
+};
+
+class Queue final : public Model {
+ public:
+  using Model::Model;
+
+  std::optional<double> enter(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    if (!std::exchange(is_held_, true)) return t;
+    // The first try was in vain, and the place in the queue is taken now.
+    t = line_.write(machine_, v.core, t);
+    queue_.push_back({v, t});
+    return std::nullopt;
+  }
+  std::optional<double> resume(const Visitor&, double t) override { return t; }
+  double leave(const Visitor& v, double t) override {
+    if (queue_.empty()) {
+      is_held_ = false;
+      return line_.write(machine_, v.core, t);
+    }
+    wake_(queue_.front().visitor.thread, noticed(v, queue_.front(), t, kOneTbb));
+    queue_.pop_front();
+    return t;
+  }
+
+ private:
+  bool is_held_ = false;
+  std::deque<Waiting> queue_;
+};
+
+class FutexRw final : public Model {
+ public:
+  using Model::Model;
+
+  std::optional<double> enter(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    if (v.writes) return try_write(v, t);
+    if (!has_writer_) {
+      ++readers_;
+      return t;
+    }
+    sleeping_readers_.push_back({v, t + costs_.park_ns});
+    return std::nullopt;
+  }
+  std::optional<double> resume(const Visitor& v, double t) override {
+    // Readers, and a writer after readers, were let in by whoever woke them.
+    if (!v.writes) return t;
+    if (handed_to_ != v.thread) return try_write(v, line_.write(machine_, v.core, t));
+    handed_to_ = kNobody;
+    return t;
+  }
+  double leave(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    if (!v.writes) {
+      if (--readers_ != 0 || sleeping_writers_.empty()) return t;
+      has_writer_ = true;
+      handed_to_ = sleeping_writers_.front().visitor.thread;
+      return wake_writer(t);
+    }
+    has_writer_ = false;
+    if (sleeping_readers_.empty()) return sleeping_writers_.empty() ? t : wake_writer(t);
+    for (const Waiting& reader : sleeping_readers_) {
+      ++readers_;
+      wake_(reader.visitor.thread, awake(reader, t));
+      t += costs_.wake_call_ns;
+    }
+    sleeping_readers_.clear();
+    return t;
+  }
+
+ private:
+  static constexpr unsigned kNobody = ~0u;
+
+  std::optional<double> try_write(const Visitor& v, double t) {
+    if (readers_ == 0 && !has_writer_) {
+      has_writer_ = true;
+      return t;
+    }
+    sleeping_writers_.push_back({v, t + costs_.park_ns});
+    return std::nullopt;
+  }
+  double wake_writer(double t) {
+    wake_(sleeping_writers_.front().visitor.thread, awake(sleeping_writers_.front(), t));
+    sleeping_writers_.pop_front();
+    return t + costs_.wake_call_ns;
+  }
+
+  unsigned readers_ = 0, handed_to_ = kNobody;
+  bool has_writer_ = false;
+  std::vector<Waiting> sleeping_readers_;
+  std::deque<Waiting> sleeping_writers_;
+};
+
+/// Readers and writers that spin; a writer that waits keeps new readers out.
+class SpinningRw : public Model {
+ public:
+  using Model::Model;
+
+  std::optional<double> enter(const Visitor& v, double t) override {
+    t = v.writes ? write_word(v, t) : read_word(v, t);
+    if (try_enter(v)) return t;
+    (v.writes ? writers_ : waiting_readers_).push_back({v, t});
+    return std::nullopt;
+  }
+  std::optional<double> resume(const Visitor& v, double t) override {
+    if (!try_enter(v)) return std::nullopt;
+    forget(v.writes ? writers_ : waiting_readers_, v.thread);
+    return v.writes ? write_word(v, t) : read_word(v, t);
+  }
+  double leave(const Visitor& v, double t) override {
+    if (!v.writes) {
+      t = reader_leaves(v, t);
+      if (--readers_ == 0) wake_all(writers_, v, t);
+      return t;
+    }
+    has_writer_ = wants_writer_ = false;
+    const double then = line_.write(machine_, v.core, t);
+    wake_all(writers_, v, then);
+    wake_all(waiting_readers_, v, then);
+    return t;
+  }
+
+ protected:
+  virtual double read_word(const Visitor& v, double t) = 0;
+  virtual double write_word(const Visitor& v, double t) = 0;
+  virtual double reader_leaves(const Visitor& v, double t) = 0;
+  virtual const Backoff& backoff() const noexcept = 0;
+
+ private:
+  bool try_enter(const Visitor& v) {
+    if (!v.writes) {
+      if (has_writer_ || wants_writer_) return false;
+      ++readers_;
+      return true;
+    }
+    wants_writer_ = has_writer_ || readers_ != 0;
+    if (!wants_writer_) has_writer_ = true;
+    return !wants_writer_;
+  }
+  void wake_all(const std::vector<Waiting>& waiting, const Visitor& by, double t) {
+    for (const Waiting& w : waiting) wake_(w.visitor.thread, noticed(by, w, t, backoff()));
+  }
+
+  unsigned readers_ = 0;
+  bool has_writer_ = false, wants_writer_ = false;
+  std::vector<Waiting> waiting_readers_, writers_;
+};
+
+class SpinRw final : public SpinningRw {
+ public:
+  using SpinningRw::SpinningRw;
+
+ private:
+  double read_word(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
+  double write_word(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
+  double reader_leaves(const Visitor& v, double t) override { return line_.write(machine_, v.core, t); }
+  const Backoff& backoff() const noexcept override { return kOneTbb; }
+};
+
+class DistributedRw final : public SpinningRw {
+ public:
+  using SpinningRw::SpinningRw;
+
+ private:
+  // Loads of lines that do not depend on each other are under way together.
+  static constexpr double kLooksAtOnce = 4.0;
+
+  double read_word(const Visitor& v, double t) override {
+    if (read_since_.size() <= v.thread) read_since_.resize(v.thread + 1), looked_at_.resize(v.thread + 1);
+    if (looked_at_[v.thread]) t += machine_.transfer_ns(line_.owner(), v.core);
+    looked_at_[v.thread] = false;
+    read_since_[v.thread] = true;
+    return line_.read(machine_, v.core, t);
+  }
+  double write_word(const Visitor& v, double t) override {
+    t = line_.write(machine_, v.core, t);
+    double looks = 0.0;
+    for (unsigned reader = 0; reader < read_since_.size(); ++reader) {
+      if (!read_since_[reader]) continue;
+      read_since_[reader] = false;
+      looked_at_[reader] = reader != v.thread;
+      looks += machine_.transfer_ns(reader % machine_.cores, v.core);
+    }
+    return t + looks / kLooksAtOnce;
+  }
+  double reader_leaves(const Visitor&, double t) override { return t; }
+  const Backoff& backoff() const noexcept override { return kOurs; }
+
+  // By thread: has written its line since a writer looked, and a writer has looked since.
+  std::vector<bool> read_since_, looked_at_;
+};
+
+}  // namespace
+
+std::unique_ptr<VirtualLock> make_lock(LockKind kind, const MachineModel& machine, const WaitCosts& costs,
+                                       std::uint64_t seed, VirtualLock::Wake wake) {
+  switch (kind) {
+    case LockKind::none:
+      return nullptr;
+    case LockKind::mutex:
+      return std::make_unique<Mutex>(machine, costs, seed, std::move(wake));
+    case LockKind::spin:
+      return std::make_unique<Spin>(machine, costs, seed, std::move(wake));
+    case LockKind::queue:
+      return std::make_unique<Queue>(machine, costs, seed, std::move(wake));
+    case LockKind::futex_rw:
+      return std::make_unique<FutexRw>(machine, costs, seed, std::move(wake));
+    case LockKind::spin_rw:
+      return std::make_unique<SpinRw>(machine, costs, seed, std::move(wake));
+    case LockKind::distributed_rw:
+      return std::make_unique<DistributedRw>(machine, costs, seed, std::move(wake));
+  }
+  return nullptr;
+}
+
+}  // namespace icbench

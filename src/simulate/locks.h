@@ -1,0 +1,69 @@
+// Locks in virtual time: who gets in when, and what that costs. One model for each way of locking in caches/locks.h.
+//
+// A model is told of a thread that comes (`enter`) and one that goes (`leave`); it answers with the time at which the
+// thread goes on, or, if it has to wait, calls `wake` for it later with the time at which it tries again (`resume`).
+// What a lock costs that nobody contends for is in the measured cost of the operation; here is what comes on top.
+//
+//   mutex            glibc's: a thread that finds it taken goes to sleep in the kernel; who leaves calls the kernel to
+//                    wake one. Whoever comes before the woken one has run gets in: unfair
+//   spin             test-and-test-and-set: waiters read the word until it is free and then try at once; one of them
+//                    gets it, whoever leaves may be back before. Each hand-over moves the line to those that wait in
+//                    vain, too (Anderson, The Performance of Spin Lock Alternatives for Shared-Memory Multiprocessors,
+//                    IEEE TPDS 1(1), 1990): half a transfer for each
+//   queue            first come, first served, each waiter on a word of its own (oneTBB's queuing_mutex; after
+//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses
+//   futex_rw         glibc's readers-writer lock: readers count themselves on one line, and go first; waiters sleep
+//   spin_rw          oneTBB's: readers count themselves on one line; a writer that waits keeps new readers out
+//   distributed_rw   readers write a line of their own and read the writer's; a writer looks at all of them
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "core/random.h"
+#include "simulate/machine.h"
+
+namespace icbench {
+
+enum class LockKind : std::uint8_t { none, mutex, spin, queue, futex_rw, spin_rw, distributed_rw };
+
+/// What waiting costs, nanoseconds; measured by the calibration. The defaults are of the order of what was measured on
+/// virtual machines.
+struct WaitCosts {
+  double park_ns = 700.0;          ///< from finding the lock taken to being asleep
+  double wake_call_ns = 1'000.0;   ///< of the thread that wakes another
+  double wake_delay_ns = 5'000.0;  ///< from the call to the woken thread's running
+  double pause_ns = 20.0;          ///< one turn of a spin loop
+  double yield_ns = 400.0;         ///< giving up the processor with nobody there to take it
+  double clock_ns = 30.0;          ///< reading the clock: who has waited does so while it holds the lock
+  double start_ns = 10'000.0;      ///< of starting a thread
+};
+
+/// A thread that comes to a lock.
+struct Visitor {
+  unsigned thread, core;
+  bool writes;
+};
+
+class VirtualLock {
+ public:
+  /// Tells the scheduler to call resume(thread) at a time.
+  using Wake = std::function<void(unsigned thread, double time)>;
+
+  virtual ~VirtualLock() = default;
+  /// When the thread is in, or nothing: it waits.
+  virtual std::optional<double> enter(const Visitor& v, double t) = 0;
+  /// A thread that was woken tries again. When it is in, or nothing: it goes on waiting.
+  virtual std::optional<double> resume(const Visitor& v, double t) = 0;
+  /// When the thread that leaves goes on.
+  virtual double leave(const Visitor& v, double t) = 0;
+};
+
+/// Null for LockKind::none. `machine` and `costs` must outlive it; `seed` decides who of several gets in.
+std::unique_ptr<VirtualLock> make_lock(LockKind kind, const MachineModel& machine, const WaitCosts& costs,
+                                       std::uint64_t seed, VirtualLock::Wake wake);
+
+}  // namespace icbench

@@ -1,0 +1,79 @@
+// Sweeps in virtual time: workloads x caches x cores, each a trial of the engine that becomes one row of results.
+//
+// Rows have the fields of sweeps and "simulate/" before their names, "simulated": true, and up to how many threads
+// simulated times were validated on the machine of the calibration. Nothing that draws measurements takes them.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "harness/results.h"
+#include "harness/topology.h"
+#include "simulate/calibration.h"
+#include "workload/spec.h"
+
+namespace icbench {
+
+/// Most virtual cores.
+inline constexpr unsigned kMaxVirtualCores = 1024;
+
+struct SimulationRequest {
+  std::vector<WorkloadSpec> workloads;
+  std::vector<std::string> caches;
+  std::vector<unsigned> cores;
+  MachineModel machine{};  ///< all but cores and transfers, which a point and the calibration give
+  std::optional<Transfers> transfers{};  ///< instead of the calibration's
+  std::uint64_t seed = 1;
+  std::string calibration_path;
+  std::string host_name;  ///< of this machine
+};
+
+struct SimulationPoint {
+  std::size_t workload;
+  const CacheEntry* cache;
+  unsigned cores;
+};
+
+/// In order. Caches for a single thread appear with one core only.
+std::vector<SimulationPoint> simulation_points(const SimulationRequest& request);
+
+class Simulation {
+ public:
+  /// Throws as require_simulated does.
+  Simulation(SimulationRequest request, const Topology& topology, Calibration calibration);
+  ~Simulation();
+
+  const SimulationRequest& request() const noexcept { return request_; }
+  Calibration& calibration() noexcept { return calibration_; }
+
+  std::vector<SimulationPoint> points() const { return simulation_points(request_); }
+  /// "simulate/WORKLOAD/CACHE/threads:N".
+  std::string name_of(const SimulationPoint& point) const;
+
+  /// Costs that the calibration lacks are measured first, and the file is written; `tell` is told of what. Throws
+  /// std::runtime_error if the calibration is another machine's.
+  void complete_calibration(const std::function<void(const std::string& what)>& tell);
+
+  /// One point; the operations are those of a sweep with the same seed in its repetition `repetition`.
+  Entry run(const SimulationPoint& point, unsigned repetition = 0);
+
+ private:
+  struct PlanData;
+  PlanData& plan(std::size_t workload);
+
+  SimulationRequest request_;
+  const Topology& topology_;
+  Calibration calibration_;
+  std::unique_ptr<PlanData> plan_;
+};
+
+/// Throws std::runtime_error with one line for a workload or a cache that cannot be simulated, a trace that cannot be
+/// read, or when no point is left.
+void require_simulated(const SimulationRequest& request);
+
+}  // namespace icbench

@@ -1,0 +1,251 @@
+// The simulator: deterministic, on one core the same as the real thing, and where a closed form is known, as that says.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <set>
+
+#include "caches/registry.h"
+#include "made_points.h"
+#include "simulate/calibration.h"
+#include "simulate/engine.h"
+#include "temporary_folder.h"
+#include "workload/dispatch.h"
+
+namespace icbench {
+namespace {
+
+constexpr std::uint64_t kSeed = 5;
+/// Who waits notices at once.
+constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+
+/// Every query and insert takes as long as every other.
+CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
+  CacheCosts c;
+  c.operations.query = SizeCost({query_ns});
+  c.operations.insert = SizeCost({insert_ns});
+  c.outside_query_ns = c.outside_insert_ns = outside_ns;
+  return c;
+}
+
+MachineModel machine_of(unsigned cores, double transfer_ns) {
+  MachineModel m;
+  m.cores = cores;
+  m.transfers.ns.fill(transfer_ns);
+  return m;
+}
+
+SimulatedOutcome run(const SyntheticPlan& plan, std::string_view name, const MachineModel& machine,
+                     const CacheCosts& costs, std::uint64_t seed = kSeed, const WaitCosts& waits = kAtOnce) {
+  const auto program = simulated_program(plan, machine.cores, seed);
+  const CacheEntry& entry = find_cache(name);
+  const Mechanism mechanism = mechanism_of(entry.traits);
+  const auto cache = mechanism.locks_nodes ? make_logged_node_locks(program->config(machine.cores))
+                                           : entry.stepped(program->config(machine.cores));
+  return simulate(*program, *cache, {machine, waits, costs, mechanism, seed});
+}
+
+/// `n` points so far apart that a record answers at its own only.
+SyntheticPlan lonely_points(const std::string& workload, std::uint32_t n) {
+  PlanPoints points;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    points.queries.points.push_back(
+        {{(static_cast<float>(i) + 0.5f) / static_cast<float>(n), 0.5f, 0.0f}, {0, 0, 1}});
+    points.queries.radii.push_back(0.1f / static_cast<float>(n));
+  }
+  return {parse_workload(workload), std::move(points), 1};
+}
+
+TEST(Simulator, EqualInputsGiveEqualOutcomes) {
+  const SyntheticPlan plan = made_plan("miss_driven:operations=3000:cost=1");
+  for (const char* cache : {"packed_global_mutex", "global_spin", "queuing_mutex", "shared_mutex",
+                            "spin_rw_mutex", "packed_distributed_rw", "node_lock", "packed_local_write",
+                            "wait_free_snapshot", "tbb_hash_grid", "append_log"}) {
+    const auto once = run(plan, cache, machine_of(12, 30.0), flat_costs(200.0, 500.0, 20.0));
+    const auto again = run(plan, cache, machine_of(12, 30.0), flat_costs(200.0, 500.0, 20.0));
+    EXPECT_EQ(once.wall_ns, again.wall_ns) << cache;
+    EXPECT_EQ(once.busy_ns, again.busy_ns) << cache;
+    EXPECT_EQ(once.lock_wait_ns, again.lock_wait_ns) << cache;
+    EXPECT_EQ(once.lock_contended, again.lock_contended) << cache;
+    EXPECT_EQ(once.digest, again.digest) << cache;
+    EXPECT_EQ(once.queries, 3000u) << cache;
+    EXPECT_EQ(once.inserts, once.records) << cache;
+    const auto other = run(plan, cache, machine_of(12, 30.0), flat_costs(200.0, 500.0, 20.0), kSeed + 1);
+    EXPECT_NE(once.digest, other.digest) << cache;
+  }
+}
+
+TEST(Simulator, OneCoreLeavesTheRecordsOfOneRealThread) {
+  for (const char* workload : {"miss_driven:operations=2000", "mix_50_50:records=200:operations=1000"}) {
+    const SyntheticPlan plan = made_plan(workload);
+    const Streams streams = plan.streams(1, kSeed);
+    Sequential<> real(plan.config(1));
+    auto session = real.open_session(0);
+    for (std::uint32_t i = 0; i < plan.prefilled(); ++i) session.insert(plan.records()[i]);
+    std::uint64_t hits = 0;
+    for (std::uint32_t i = 0; i < streams.operations.size(); ++i) {
+      const std::uint32_t operation = streams.operations[i];
+      if ((operation & Streams::kInsert) != 0) {
+        session.insert(plan.records()[operation & Streams::kIndex]);
+      } else if (session.query(plan.points()[operation])) {
+        ++hits;
+      } else if (plan.spec().kind == WorkloadKind::miss_driven) {
+        session.insert(plan.record_at(streams, i));
+      }
+    }
+    RecordsDigest digest;
+    std::uint64_t records = 0;
+    real.for_each_record([&](const Record& r) {
+      digest.add(r);
+      ++records;
+    });
+    for (const CacheEntry& entry : all_caches()) {
+      if (entry.traits.consistency == Consistency::none || !has_model(entry.traits)) continue;
+      const auto o = run(plan, entry.traits.name, machine_of(1, 30.0), flat_costs(200.0, 500.0));
+      EXPECT_EQ(o.digest, digest.value()) << entry.traits.name << ", " << workload;
+      EXPECT_EQ(o.records, records) << entry.traits.name;
+      EXPECT_EQ(o.hits, hits) << entry.traits.name;
+      EXPECT_EQ(o.lock_wait_ns, 0.0) << entry.traits.name;
+      EXPECT_EQ(o.transfer_ns, 0.0) << entry.traits.name;
+    }
+  }
+}
+
+TEST(Simulator, LocalWriteRepeatsWhatEveryThreadNeeds) {
+  const SyntheticPlan plan = lonely_points("miss_driven:operations=6400:cost=1", 40);
+  for (const unsigned cores : {1u, 2u, 16u, 64u}) {
+    const Streams streams = plan.streams(cores, kSeed);
+    std::uint64_t needed = 0;  // by each thread alone
+    for (unsigned t = 0; t < cores; ++t) {
+      const auto mine = streams.of(t);
+      needed += std::set<std::uint32_t>(mine.begin(), mine.end()).size();
+    }
+    EXPECT_EQ(run(plan, "packed_local_write", machine_of(cores, 30.0), flat_costs(100.0, 100.0)).records,
+              needed);
+    EXPECT_GE(needed, 35u * cores);
+    if (cores == 16) {
+      EXPECT_LT(run(plan, "packed_wait_free", machine_of(cores, 30.0), flat_costs(100.0, 100.0)).records,
+                400u);
+    }
+  }
+}
+
+// A record is there when its computation and its insert are over: who asks before computes one too.
+TEST(Simulator, WhoAsksBeforeARecordIsThereMakesOneToo) {
+  constexpr unsigned kCores = 6;
+  const SyntheticPlan plan = lonely_points("miss_driven:operations=18:cost=1", 1);
+  for (const char* cache : {"wait_free", "packed_distributed_rw", "append_log"}) {
+    const auto o = run(plan, cache, machine_of(kCores, 0.0), flat_costs(100.0, 100.0));
+    EXPECT_EQ(o.records, kCores) << cache;
+    EXPECT_EQ(o.hits, 2 * kCores) << cache;
+  }
+}
+
+TEST(Simulator, WithoutContentionCoresShareTheWork) {
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=1600");
+  for (const char* cache : {"wait_free", "packed_local_write", "distributed_rw"}) {
+    const auto o = run(plan, cache, machine_of(16, 0.0), flat_costs(100.0, 0.0, 20.0));
+    EXPECT_NEAR(o.wall_ns, 100 * 120.0, 1e-6) << cache;
+    EXPECT_NEAR(o.busy_ns, 16 * o.wall_ns, 1e-6) << cache;
+  }
+}
+
+TEST(Simulator, AGlobalLockServesOneSectionAtATime) {
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=1600");
+  const auto o = run(plan, "queuing_mutex", machine_of(16, 0.0), flat_costs(100.0, 0.0, 50.0));
+  EXPECT_NEAR(o.wall_ns, 50.0 + 1600 * 100.0, 1e-6);
+  // Each hand-over moves a line, and nobody is inside meanwhile.
+  const auto moved = run(plan, "queuing_mutex", machine_of(16, 30.0), flat_costs(100.0, 0.0, 50.0));
+  EXPECT_NEAR(moved.wall_ns / 1600, 130.0, 1.0);
+  for (const char* cache : {"global_mutex", "global_spin"}) {
+    EXPECT_GE(run(plan, cache, machine_of(16, 30.0), flat_costs(100.0, 0.0, 50.0)).wall_ns, 1600 * 100.0)
+        << cache;
+  }
+}
+
+TEST(Simulator, WhoQueuesWaitsForAllBefore) {
+  constexpr double kSection = 100.0;
+  constexpr unsigned kThreads = 8, kEach = 50;
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=400");
+  const auto o = run(plan, "queuing_mutex", machine_of(kThreads, 0.0), flat_costs(kSection, 0.0));
+  // The first time behind those who came first, then always behind all the others.
+  constexpr double kSections = kThreads * (kThreads - 1) / 2 + (kEach - 1) * kThreads * (kThreads - 1);
+  EXPECT_NEAR(o.lock_wait_ns, kSection * kSections, 1e-6);
+  EXPECT_EQ(o.lock_contended, kThreads * kEach - 1);
+}
+
+// Readers that count themselves on one line wait for the line, twice a query; those with lines of their own do not.
+TEST(Simulator, AWordThatAllWriteServesOneTransferAtATime) {
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=3200");
+  for (const char* cache : {"shared_mutex", "spin_rw_mutex"}) {
+    const auto o = run(plan, cache, machine_of(32, 30.0), flat_costs(100.0, 0.0));
+    EXPECT_NEAR(o.wall_ns / 3200, 2 * 30.0, 2.0) << cache;
+  }
+  EXPECT_NEAR(run(plan, "distributed_rw", machine_of(32, 30.0), flat_costs(100.0, 0.0)).wall_ns, 100 * 100.0,
+              1e-6);
+  Line line;
+  const MachineModel machine = machine_of(3, 30.0);
+  EXPECT_EQ(line.write(machine, 0, 100.0), 100.0);
+  EXPECT_EQ(line.write(machine, 0, 200.0), 200.0);
+  EXPECT_EQ(line.write(machine, 1, 200.0), 230.0);
+  EXPECT_EQ(line.write(machine, 2, 200.0), 260.0);  // after the one before
+  EXPECT_EQ(line.read(machine, 0, 300.0), 330.0);
+  EXPECT_EQ(line.read(machine, 0, 400.0), 400.0);
+  EXPECT_EQ(line.write(machine, 2, 500.0), 530.0);  // it tells the reader
+}
+
+TEST(Simulator, SocketsAndComplexesAreApart) {
+  MachineModel m;
+  m.cores = 256;
+  m.cores_per_complex = 8;
+  m.cores_per_socket = 64;
+  m.transfers.ns = {1.0, 2.0, 3.0};
+  EXPECT_EQ(m.transfer_ns(5, 5), 0.0);
+  EXPECT_EQ(m.transfer_ns(0, 7), 1.0);
+  EXPECT_EQ(m.transfer_ns(7, 8), 2.0);
+  EXPECT_EQ(m.transfer_ns(63, 64), 3.0);
+}
+
+TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {
+  const SyntheticPlan plan = made_plan("mix_50_50:records=100:operations=4000");
+  for (const CacheEntry& entry : all_caches()) {
+    if (entry.traits.single_thread || entry.traits.consistency == Consistency::none ||
+        !has_model(entry.traits))
+      continue;
+    const auto o = run(plan, entry.traits.name, machine_of(40, 30.0), flat_costs(150.0, 300.0, 10.0));
+    EXPECT_EQ(o.operations, 4000u) << entry.traits.name;
+    EXPECT_EQ(o.records, 2100u) << entry.traits.name;
+    EXPECT_LE(o.busy_ns, 40 * o.wall_ns * (1 + 1e-12)) << entry.traits.name;
+    EXPECT_GE(o.busy_ns, 0.0) << entry.traits.name;
+  }
+}
+
+TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
+  const TemporaryFolder folder;
+  const std::string path = (folder / "deep" / "calibration.json").string();
+  EXPECT_FALSE(read_calibration(path));
+  Calibration c;
+  c.host_name = "a host";
+  c.transfers.ns = {1.5, 2.5, 3.5};
+  c.waits.park_ns = 17.0;
+  c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
+  c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today"};
+  write_calibration(c, path);
+  EXPECT_EQ(read_calibration(path)->to_json(), c.to_json());
+  EXPECT_TRUE(read_calibration(path)->validation->holds());
+  for (const auto& [key, value] : std::initializer_list<std::pair<const char*, nlohmann::ordered_json>>{
+           {"format", "something else"},
+           {"version", 2},
+           {"transfer_ns", {1.0, 2.0}},
+           {"waits", 3},
+           {"harness_query_ns", -1.0},
+           {"costs", {{"a", {{"query_ns", 3}}}}},
+           {"validation", {{"threads", "two"}}}}) {
+    nlohmann::ordered_json damaged = c.to_json();
+    damaged[key] = value;
+    std::ofstream(path) << damaged;
+    EXPECT_THROW(read_calibration(path), std::runtime_error) << key;
+  }
+}
+
+}  // namespace
+}  // namespace icbench
