@@ -206,10 +206,10 @@ class Packed {
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
     Walk walk;
-    const GridPoint u = addressing_.quantise(x.p);
+    start(walk, x, a);
     const std::uint32_t levels = cells_.levels_in_use();
-    typename Regions::template VisitScope<Counters> scope(regions_, u, levels, counters);
-    begin(walk, x, a, u, levels);
+    typename Regions::template VisitScope<Counters> scope(regions_, walk.u, levels, counters);
+    enter(walk, levels);
     while (step(walk)) {
     }
     look(walk);
@@ -231,9 +231,9 @@ class Packed {
       return;
     }
     std::array<Walk, kBatch> walks;
+    for (std::size_t i = 0; i < n; ++i) start(walks[i], points[i], a);
     const std::uint32_t levels = cells_.levels_in_use();
-    for (std::size_t i = 0; i < n; ++i)
-      begin(walks[i], points[i], a, addressing_.quantise(points[i].p), levels);
+    for (std::size_t i = 0; i < n; ++i) enter(walks[i], levels);
     for (unsigned under_way = (1u << n) - 1; under_way != 0;) {
       for (unsigned rest = under_way; rest != 0; rest &= rest - 1) {
         const auto i = static_cast<unsigned>(std::countr_zero(rest));
@@ -484,12 +484,18 @@ class Packed {
     copy.cell->mask.fetch_add(std::uint64_t{1} << copy.lane, std::memory_order_release /* P6 */);
   }
 
-  void begin(Walk& walk, const SurfacePoint& x, float a, const GridPoint& u, std::uint32_t levels) noexcept {
-    walk.u = u;
+  /// What is known of a query before anything is read, but for its moment.
+  void start(Walk& walk, const SurfacePoint& x, float a) noexcept {
+    walk.u = addressing_.quantise(x.p);
     walk.p = addressing_.to_grid(x.p);
     walk.share = make_lane_share(a, a_max_);
     walk.moment = marks_.moment();
     walk.cells = walk.strips = walk.kept = 0;
+  }
+
+  /// Takes the grid's cells up. `levels`: in use, read after the query's moment, or its snapshot would lack records
+  /// whose level was new.
+  void enter(Walk& walk, std::uint32_t levels) noexcept {
     for (std::uint32_t rest = levels; rest != 0; rest &= rest - 1) go_by(walk, std::countr_zero(rest));
     const Branch& branch = go_by(walk, cells_.grid_level());
     walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
