@@ -546,6 +546,7 @@ class MainJob(InFolder):
         self.assertIn('id="repeatability-repeatability"', page)
         self.assertIn("icbench pareto", self.calls.read_text())
         self.assertIn("icbench repeatability", self.calls.read_text())
+        self.assertIn("icbench preempt", self.calls.read_text())
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
