@@ -360,6 +360,12 @@ TEST(HeldThread, IsLetGoWhenTheRegionEnds) {
   victim.join();
 }
 
+TEST(HeldThread, IsNotWaitedForWhenTheRegionEndedWithoutIt) {
+  HeldThread held(1);
+  held.ended();
+  EXPECT_FALSE(held.await_attached());
+}
+
 TEST(HeldThread, IsOneAtATime) {
   HeldThread first(1);
   EXPECT_THROW(HeldThread second(1), std::runtime_error);

@@ -209,10 +209,10 @@ void sweep_command(const SweepOptions& o) {
         try {
           if (!std::exchange(warm, true))
             sweep.run(point, repetition);  // the first trial of a workload runs cold
-          const bool is_drawn = timeline && repetition == 0;
-          const Entry entry = sweep.run(point, repetition, is_drawn ? &*timeline : nullptr);
-          if (is_drawn) write_timeline(o, sweep, point, entry, *timeline);
-          results.add(entry);
+          // A trial of its own: drawing takes time, which a row should not have.
+          if (timeline && repetition == 0)
+            write_timeline(o, sweep, point, sweep.run(point, repetition, &*timeline), *timeline);
+          results.add(sweep.run(point, repetition));
         } catch (const InvalidTrial& e) {
           invalid.push_back(e.what());
         }

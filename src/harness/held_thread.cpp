@@ -40,8 +40,9 @@ HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
   sem_init(&attached_, 0, 0);
   sem_init(&answered_, 0, 0);
   HeldThread* none = nullptr;
-  // release: the handler, on any thread, sees a whole object. relaxed: nothing is read on failure.
-  if (!current_.compare_exchange_strong(none, this, std::memory_order_release, std::memory_order_relaxed)) {
+  // relaxed: nothing is read on failure.
+  if (!current_.compare_exchange_strong(none, this, std::memory_order_acq_rel /* H2, H3 */,
+                                        std::memory_order_relaxed)) {
     close(release_[0]);
     close(release_[1]);
     throw std::runtime_error("a thread is being held already; one at a time");
@@ -55,8 +56,7 @@ HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
 
 HeldThread::~HeldThread() {
   sigaction(signal_number(), &before_, nullptr);
-  // release: who makes the next one finds this one finished.
-  current_.store(nullptr, std::memory_order_release);
+  current_.store(nullptr, std::memory_order_release /* H3 */);
   sem_destroy(&attached_);
   sem_destroy(&answered_);
   close(release_[0]);
@@ -75,6 +75,7 @@ void HeldThread::ended() noexcept {
   // A pipe takes one byte for certain; if it did not, the hold would end by its time.
   [[maybe_unused]] const ssize_t written = write(release_[1], &byte, 1);
   over_.release();
+  sem_post(&attached_);  // who waits for a thread that never came waits no longer
 }
 
 bool HeldThread::await_attached() {
@@ -96,7 +97,7 @@ bool HeldThread::hold() {
 
 void HeldThread::handle(int) noexcept {
   const int saved = errno;
-  if (HeldThread* self = current_.load(std::memory_order_acquire)) self->stop_here();
+  if (HeldThread* self = current_.load(std::memory_order_acquire /* H2 */)) self->stop_here();
   errno = saved;
 }
 

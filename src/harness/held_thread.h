@@ -31,9 +31,10 @@ class HeldThread {
   // By the thread that is to be held.
   void attach() noexcept;
   void mark(bool in_operation) noexcept {
-    // relaxed: read by a handler that runs on this very thread.
+    // The fences keep what is marked from moving out of the marks. relaxed: read by a handler on this very thread.
+    std::atomic_signal_fence(std::memory_order_seq_cst);
     in_operation_.store(in_operation, std::memory_order_relaxed);
-    std::atomic_signal_fence(std::memory_order_seq_cst);  // not before or after what it marks
+    std::atomic_signal_fence(std::memory_order_seq_cst);
   }
 
   /// By any thread of the team whose region is over: nobody is held from then on, and who is goes on.
@@ -56,6 +57,8 @@ class HeldThread {
   static void handle(int) noexcept;
   void stop_here() noexcept;
 
+  // H2  constructor: CAS acq_rel -> handle: load acquire; publishes the object.
+  // H3  destructor: store release -> constructor: CAS; who makes the next one finds this one finished.
   static std::atomic<HeldThread*> current_;
 
   int hold_ms_;
@@ -63,7 +66,7 @@ class HeldThread {
   struct sigaction before_ {};
   sem_t attached_, answered_;
   std::binary_semaphore over_{0};
-  // H1  ended: is_over_ exchange -> hold: load; nothing but that the region is over.
+  // H1  ended: exchange -> stop_here, await_attached: load acquire; nothing but that the region is over.
   std::atomic<bool> is_over_{false};
   std::atomic<bool> in_operation_{false};
   pid_t thread_ = 0;  // published by attached_

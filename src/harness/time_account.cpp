@@ -57,6 +57,7 @@ void SpanLog::make_room() noexcept {
 
 void ThreadAccount::begin() noexcept {
   after_miss_ = false;
+  pending_ = 0;
   begin_ = last_ = read_at_ = ticks();
   cpu_ns_ = thread_cpu_ns();
   perf_.start();

@@ -181,8 +181,14 @@ Calibration parse(const Json& j) {
   if (j.contains("validation")) {
     const Json& v = j["validation"];
     Validation out;
-    out.threads = static_cast<unsigned>(number_at(v, "threads"));
-    out.points = static_cast<unsigned>(number_at(v, "points"));
+    const auto count_at = [&](const char* name) {
+      constexpr double kMost = 1e6;
+      const double n = number_at(v, name);
+      if (n > kMost) throw std::runtime_error(fmt::format("validation: '{}' is more than {}", name, kMost));
+      return static_cast<unsigned>(n);
+    };
+    out.threads = count_at("threads");
+    out.points = count_at("points");
     out.throughput_error = number_at(v, "throughput_error");
     out.records_error = number_at(v, "records_error");
     out.waiting_error = number_at(v, "waiting_error");

@@ -218,7 +218,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
     accounts.reserve(point.threads);
     for (unsigned t = 0; t < point.threads; ++t)
       accounts.emplace_back(tick_rate_, timeline == nullptr ? 0 : timeline->spans_of(point.threads));
-    setup.team.run([&](unsigned t) { accounts[t].count_hardware(); });
+    if (request_.breakdown) setup.team.run([&](unsigned t) { accounts[t].count_hardware(); });
     setup.accounts = accounts;
     setup.timeline = timeline;
   }
