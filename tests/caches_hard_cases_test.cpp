@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -318,7 +319,9 @@ TEST_P(HardCases, AHundredThousandCoincidentRecordsOrMoreOnASmallStack) {
   }
 }
 
-/// Queries by a process to which all memory but its stack is read-only, and what became of it: the status of waitpid.
+/// Queries by a process to which all memory but its stack and its thread's own is read-only, and what became of it: the
+/// status of waitpid. To the thread's own memory, where errno is, the kernel writes whenever it lets the thread go on
+/// (restartable sequences), and kills who does not let it.
 ///
 /// Everything that the queries call is called before, so that no symbol is left to be bound, which writes.
 template <class Cache>
@@ -339,6 +342,7 @@ int queries_in_read_only_memory() {
   struct Range {
     std::uintptr_t begin, end;
   };
+  const auto own = reinterpret_cast<std::uintptr_t>(&errno);
   std::vector<Range> writable;
   writable.reserve(10'000);
   std::ifstream maps("/proc/self/maps");
@@ -346,7 +350,7 @@ int queries_in_read_only_memory() {
     Range r{};
     char mode[5] = {};
     if (std::sscanf(line.c_str(), "%zx-%zx %4s", &r.begin, &r.end, mode) == 3 && mode[1] == 'w' &&
-        line.find("[stack]") == line.npos)
+        line.find("[stack]") == line.npos && !(r.begin <= own && own < r.end))
       writable.push_back(r);
   }
   const auto protect = [](const Range& r, int how) {
