@@ -38,17 +38,17 @@ nlohmann::ordered_json CacheCosts::to_json() const {
 }
 
 CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
-  using Json = nlohmann::ordered_json;
-  const auto field = [](const Json& j, const char* name) -> const Json& {
+  using Value = nlohmann::ordered_json;
+  const auto field = [](const Value& j, const char* name) -> const Value& {
     if (!j.is_object() || !j.contains(name)) throw std::runtime_error(fmt::format("there is no '{}'", name));
     return j[name];
   };
-  const auto number = [](const Json& value) {
+  const auto number = [](const Value& value) {
     if (!value.is_number() || !(value.get<double>() >= 0.0))
       throw std::runtime_error("a cost is no number >= 0");
     return value.get<double>();
   };
-  const auto sizes = [&](const Json& j, const char* name) {
+  const auto sizes = [&](const Value& j, const char* name) {
     std::vector<double> ns;
     for (const auto& value : field(j, name)) ns.push_back(number(value));
     if (ns.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
