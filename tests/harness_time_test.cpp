@@ -270,7 +270,7 @@ TEST(PerfCounters, AMachineWithoutThemIsToldInOneLine) {
 }
 
 TEST(PerfCounters, WhatIsOfferedIsCountedAndTheRestIsNamed) {
-  const std::vector<PerfEvent> events = perf_events_of("GenuineIntel", 6);
+  const std::vector<PerfEvent> events = perf_events_of("GenuineIntel", 6, 0x55);
   const PerfOffer offer = perf_offer(events, made_up);
   EXPECT_EQ(offer.names, (std::vector<std::string_view>{"cycles", "instructions", "cache_misses"}));
   EXPECT_TRUE(offer.note.starts_with("l1d_misses: not offered")) << offer.note;
@@ -287,10 +287,11 @@ TEST(PerfCounters, LineTransfersAreCountedWhereAnEventIsDocumented) {
   const auto has = [](const std::vector<PerfEvent>& events) {
     return events.back().name == "line_transfers";
   };
-  EXPECT_TRUE(has(perf_events_of("GenuineIntel", 6)));
-  EXPECT_TRUE(has(perf_events_of("AuthenticAMD", 0x19)));
-  EXPECT_FALSE(has(perf_events_of("AuthenticAMD", 0x17)));
-  EXPECT_FALSE(has(perf_events_of("", 0)));
+  EXPECT_TRUE(has(perf_events_of("GenuineIntel", 6, 0x55)));
+  EXPECT_TRUE(has(perf_events_of("AuthenticAMD", 0x19, 1)));
+  EXPECT_FALSE(has(perf_events_of("GenuineIntel", 6, 0x37))) << "an Atom";
+  EXPECT_FALSE(has(perf_events_of("AuthenticAMD", 0x17, 1)));
+  EXPECT_FALSE(has(perf_events_of("", 0, 0)));
 }
 
 TEST(PerfCounters, CountWhatTheThreadDoesBetweenStartAndStop) {

@@ -228,10 +228,11 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   c.transfers.ns = {1.5, 2.5, 3.5};
   c.waits.park_ns = 17.0;
   c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
-  c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today"};
+  c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today", {"a cache under a workload"}};
   write_calibration(c, path);
   EXPECT_EQ(read_calibration(path)->to_json(), c.to_json());
-  EXPECT_TRUE(read_calibration(path)->validation->holds());
+  EXPECT_TRUE(read_calibration(path)->validation->holds_for("a cache under a workload"));
+  EXPECT_FALSE(read_calibration(path)->validation->holds_for("another cache under a workload"));
   for (const auto& [key, value] : std::initializer_list<std::pair<const char*, nlohmann::ordered_json>>{
            {"format", "something else"},
            {"version", 2},

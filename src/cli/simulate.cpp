@@ -141,6 +141,12 @@ Errors errors_of(const Compared& simulated, const Compared& measured) {
 void validate(Simulation& simulation, const Topology& topology, const SimulateOptions& o,
               ResultsWriter& results) {
   const SimulationRequest& r = simulation.request();
+  if (const Calibration& c = simulation.calibration(); c.host_name != r.host_name) {
+    throw std::runtime_error(
+        fmt::format("calibration '{}' is of machine '{}', which this is not; validate it there, "
+                    "or give --recalibrate",
+                    r.calibration_path, c.host_name));
+  }
   SweepRequest real;
   real.workloads = r.workloads;
   real.caches = r.caches;
@@ -180,11 +186,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
     std::vector<Compared> runs{Compared::of(entry)};
     for (unsigned i = 1; i < 3; ++i) runs.push_back(Compared::of(simulation.run(point, i)));
     const Compared ours = middle(runs);
-    auto& all = measured.at(entry.name.substr(std::string_view("simulate/").size()));
-    // Other programs only slow a trial down: the faster half counts.
-    std::sort(all.begin(), all.end(),
-              [](const Compared& a, const Compared& b) { return a.throughput > b.throughput; });
-    all.resize((all.size() + 1) / 2);
+    const auto& all = measured.at(entry.name.substr(std::string_view("simulate/").size()));
     const Compared theirs = middle(all);
     const Errors e = errors_of(ours, theirs);
     throughput.push_back(e.throughput);
@@ -192,6 +194,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
     if (entry.counters.contains("redundant_records")) redundant.push_back(e.redundant);
     if (entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(e.waiting);
     outcome.threads = std::max(outcome.threads, point.cores);
+    outcome.keys.insert(key_of(point.cache->traits.name, workload_key(r.workloads[point.workload])));
     entry.counters["measured_items_per_second"] = theirs.throughput;
     entry.counters["measured_redundant_records"] = theirs.redundant;
     entry.counters["measured_lock_wait_share"] = theirs.waiting;

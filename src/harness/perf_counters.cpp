@@ -6,6 +6,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <fstream>
@@ -36,14 +37,15 @@ std::string_view value_after_colon(std::string_view line) {
 
 std::vector<PerfEvent> of_this_machine() {
   std::string vendor;
-  unsigned family = 0;
+  unsigned family = 0, model = 0;
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line) && !line.empty();) {
     const std::string_view value = value_after_colon(line);
     if (line.starts_with("vendor_id")) vendor = value;
     if (line.starts_with("cpu family")) std::from_chars(value.data(), value.data() + value.size(), family);
+    if (line.starts_with("model\t")) std::from_chars(value.data(), value.data() + value.size(), model);
   }
-  return perf_events_of(vendor, family);
+  return perf_events_of(vendor, family, model);
 }
 
 std::string reason(int code) {
@@ -64,14 +66,17 @@ std::string reason(int code) {
 
 }  // namespace
 
-std::vector<PerfEvent> perf_events_of(std::string_view vendor, unsigned family) {
+std::vector<PerfEvent> perf_events_of(std::string_view vendor, unsigned family, unsigned model) {
   std::vector<PerfEvent> events = {
       {"cycles", PERF_TYPE_HARDWARE, PERF_COUNT_HW_CPU_CYCLES, "core cycles"},
       {"instructions", PERF_TYPE_HARDWARE, PERF_COUNT_HW_INSTRUCTIONS, "instructions retired"},
       {"cache_misses", PERF_TYPE_HARDWARE, PERF_COUNT_HW_CACHE_MISSES, "last-level cache misses"},
       {"l1d_misses", PERF_TYPE_HW_CACHE, kL1dReadMisses, "loads that missed the first-level data cache"},
   };
-  if (vendor == "GenuineIntel" && family == 6) {
+  // Skylake to Comet Lake: elsewhere in the family, Atoms included, the number may mean another event.
+  constexpr unsigned kSkylakes[] = {0x4e, 0x5e, 0x55, 0x8e, 0x9e, 0xa5, 0xa6};
+  if (vendor == "GenuineIntel" && family == 6 &&
+      std::find(std::begin(kSkylakes), std::end(kSkylakes), model) != std::end(kSkylakes)) {
     events.push_back(
         {"line_transfers", PERF_TYPE_RAW, 0x04d2,
          "loads answered by a modified line of another core: MEM_LOAD_L3_HIT_RETIRED.XSNP_HITM, event "

@@ -31,8 +31,8 @@ struct PerfEvent {
 /// Events to be tried on this machine. `line_transfers` is there on processors on which a documented event counts loads
 /// that another core's cache answered.
 std::span<const PerfEvent> perf_events();
-/// The same for a processor of that vendor and family, as /proc/cpuinfo tells them.
-std::vector<PerfEvent> perf_events_of(std::string_view vendor, unsigned family);
+/// The same for a processor of that vendor, family and model, as /proc/cpuinfo tells them.
+std::vector<PerfEvent> perf_events_of(std::string_view vendor, unsigned family, unsigned model);
 
 /// Opens an event for the calling thread: perf_event_open(attr, 0, -1, -1, 0). A descriptor, or -1 with errno.
 using PerfOpen = int (*)(perf_event_attr&);

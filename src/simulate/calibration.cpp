@@ -193,6 +193,12 @@ Calibration parse(const Json& j) {
     out.records_error = number_at(v, "records_error");
     out.waiting_error = number_at(v, "waiting_error");
     out.date = text_at(v, "date");
+    if (!v.contains("of") || !v["of"].is_array())
+      throw std::runtime_error("validation: there is no list 'of'");
+    for (const Json& key : v["of"]) {
+      if (!key.is_string()) throw std::runtime_error("validation: 'of' holds what is no text");
+      out.keys.insert(key.get<std::string>());
+    }
     c.validation = out;
   }
   return c;
@@ -431,7 +437,8 @@ nlohmann::ordered_json Calibration::to_json() const {
                        {"throughput_error", validation->throughput_error},
                        {"records_error", validation->records_error},
                        {"waiting_error", validation->waiting_error},
-                       {"date", validation->date}};
+                       {"date", validation->date},
+                       {"of", validation->keys}};
   }
   j["costs"] = Json::object();
   for (const auto& [key, c] : costs) j["costs"][key] = c.to_json();

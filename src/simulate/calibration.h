@@ -12,6 +12,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "harness/topology.h"
@@ -31,9 +32,12 @@ struct Validation {
   double waiting_error =
       0;  ///< of waiting for locks, over the measured one or 1 % of the time if that is more
   std::string date;
+  std::set<std::string> keys =
+      {};  ///< of what was measured (key_of): nothing is said of other caches and workloads
 
   /// Whether the medians are at most kBar.
   bool holds() const noexcept;
+  bool holds_for(const std::string& key) const { return holds() && keys.contains(key); }
   static constexpr double kBar = 0.10;
 };
 

@@ -135,7 +135,13 @@ class Engine {
     for (std::size_t s = 0; s < segments.size(); ++s) {
       if (segments[s].is_fresh) start_fresh(segments[s], s != 0);
       run_segment(segments[s]);
-      if (s + 1 == segments.size() || segments[s + 1].is_fresh) count_records();
+      const bool is_last = s + 1 == segments.size() || segments[s + 1].is_fresh;
+      if (!is_last && segments[s].ends == nullptr) continue;
+      const Stored stored = stored_now();
+      if (const Trace::Frame* frame = segments[s].ends)
+        out_.same_records &= stored.records == frame->stored && stored.digest.value() == frame->digest;
+      if (is_last) out_.records += stored.records;
+      out_.digest = stored.digest.value();
     }
     out_.operations = out_.queries + out_.inserts + out_.refused;
     const double queries = std::max(1.0, static_cast<double>(counts_.queries));
@@ -404,20 +410,19 @@ class Engine {
     return merge;
   }
 
-  void count_records() {
+  struct Stored {
     RecordsDigest digest;
-    struct Sum {
-      RecordsDigest* digest;
-      std::uint64_t records;
-    } sum{&digest, 0};
+    std::uint64_t records = 0;
+  };
+  Stored stored_now() {
+    Stored stored;
     cache_.for_each_record({[](void* context, const Record& r, float) noexcept {
-                              auto& s = *static_cast<Sum*>(context);
-                              s.digest->add(r);
+                              auto& s = *static_cast<Stored*>(context);
+                              s.digest.add(r);
                               ++s.records;
                             },
-                            &sum});
-    out_.records += sum.records;
-    out_.digest = digest.value();
+                            &stored});
+    return stored;
   }
 
   Visitor visitor(unsigned t) const noexcept { return {t, t, threads_[t].stage == Stage::insert}; }

@@ -67,6 +67,7 @@ struct SimulatedOutcome {
   std::uint64_t lock_acquisitions = 0, lock_contended = 0;
   std::uint64_t records = 0;  ///< stored at the end of each epoch, summed
   std::uint64_t digest = 0;   ///< of the records at the end (RecordsDigest)
+  bool same_records = true;   ///< after every traced frame those of the trace
   double records_read_per_query = 0.0, records_valid_per_query = 0.0;
 };
 

@@ -54,6 +54,7 @@ class TraceProgram final : public SimulatedProgram {
             segment.given.push_back(trace.records[i].record);
           for (std::uint32_t t = trace.segments[s].begin; t < trace.segments[s].end; ++t)
             segment.chunks.push_back({trace.tiles[t].begin, trace.tiles[t].end});
+          if (s + 1 == trace.frames[f].segments.end) segment.ends = &trace.frames[f];
         }
       }
     }

@@ -26,6 +26,7 @@ struct SimulatedSegment {
   bool is_dealt = false;             ///< chunk t is thread t's; else whoever is free takes the next one
   bool is_fresh = false;             ///< the cache is emptied before, and gets `given`
   std::vector<Record> given;
+  const Trace::Frame* ends = nullptr;  ///< the traced frame that ends with it
 };
 
 class SimulatedProgram {

@@ -134,7 +134,8 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
       data.trace ? simulated_program(*data.trace) : simulated_program(*data.synthetic, point.cores, seed);
   const CacheConfig config = program->config(point.cores);
   const auto cache = mechanism.locks_nodes ? make_logged_node_locks(config) : point.cache->stepped(config);
-  const CacheCosts& costs = calibration_.costs.at(key_of(point.cache->traits.name, workload_key(spec)));
+  const std::string key = key_of(point.cache->traits.name, workload_key(spec));
+  const CacheCosts& costs = calibration_.costs.at(key);
   const SimulatedOutcome o =
       simulate(*program, *cache, {machine, calibration_.waits, costs, mechanism, seed});
 
@@ -148,8 +149,9 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
   auto& c = entry.counters;
   c["simulated"] = true;
-  c["validated_to_threads"] =
-      calibration_.validation && calibration_.validation->holds() ? calibration_.validation->threads : 0;
+  c["validated_to_threads"] = calibration_.validation && calibration_.validation->holds_for(key)
+                                  ? calibration_.validation->threads
+                                  : 0;
   c["calibration"] = request_.calibration_path;
   c["cache"] = point.cache->traits.name;
   c["workload"] = spec.name;
@@ -188,7 +190,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
   if (data.trace) {
     c["integrator"] = data.trace->trace().context.integrator;
     c["record_cost_scale"] = spec.scale;
-    c["same_records"] = keeps && o.digest == data.trace->trace().frames.back().digest;
+    c["same_records"] = keeps && o.same_records;
   } else {
     c["order"] = to_string(spec.order);
     c["accuracy"] = shortest_decimal(spec.a);

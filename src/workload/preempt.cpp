@@ -112,14 +112,7 @@ Entry Preempt::run(const Point& point, unsigned repetition) {
   const std::uint64_t half = static_cast<std::uint64_t>(0.5e6 * request_.hold_ms / tick_rate_.ns_per_tick);
   const double stalled_ns = tick_rate_.to_ns(o.query_ticks.sum_above(half) + o.insert_ticks.sum_above(half));
 
-  Entry entry;
-  entry.name = name_of(point);
-  entry.repetitions = request_.repetitions;
-  entry.repetition_index = repetition;
-  entry.threads = request_.threads;
-  entry.real_time = 1e-6 * o.wall_ns;
-  entry.cpu_time = 1e-6 * o.cpu_ns;
-  entry.time_unit = "ms";
+  Entry entry = entry_of(name_of(point), request_.repetitions, repetition, request_.threads, o);
   auto& c = entry.counters;
   c["cache"] = point.cache->traits.name;
   c["workload"] = request_.workload.name;

@@ -34,6 +34,19 @@ constexpr Percentile kPercentiles[] = {
 
 }  // namespace
 
+Entry entry_of(std::string name, unsigned repetitions, unsigned repetition, unsigned threads,
+               const TrialOutcome& o) {
+  Entry entry;
+  entry.name = std::move(name);
+  entry.repetitions = repetitions;
+  entry.repetition_index = repetition;
+  entry.threads = threads;
+  entry.real_time = 1e-6 * o.wall_ns;
+  entry.cpu_time = 1e-6 * o.cpu_ns;
+  entry.time_unit = "ms";
+  return entry;
+}
+
 void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
                  const TickRate& rate) {
   if (h.count() == 0) return;
@@ -232,14 +245,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
     throw InvalidTrial(fmt::format("{} (repetition {}): {}", name_of(point), repetition, o.error));
   }
 
-  Entry entry;
-  entry.name = name_of(point);
-  entry.repetitions = request_.repetitions;
-  entry.repetition_index = repetition;
-  entry.threads = point.threads;
-  entry.real_time = 1e-6 * o.wall_ns;
-  entry.cpu_time = 1e-6 * o.cpu_ns;
-  entry.time_unit = "ms";
+  Entry entry = entry_of(name_of(point), request_.repetitions, repetition, point.threads, o);
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
 
   auto& c = entry.counters;

@@ -39,6 +39,10 @@ struct InvalidTrial : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// An entry with the name and the times of a trial, and nothing else yet.
+Entry entry_of(std::string name, unsigned repetitions, unsigned repetition, unsigned threads,
+               const TrialOutcome& o);
+
 /// Percentiles of a histogram of ticks as fields "latency_OPERATION_pNN_ns", ..., "latency_OPERATION_max_ns"; none of
 /// an empty one.
 void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
