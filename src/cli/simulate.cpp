@@ -191,8 +191,11 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
     const Errors e = errors_of(ours, theirs);
     throughput.push_back(e.throughput);
     by_cache[std::string(point.cache->traits.name)].push_back(e.throughput);
-    if (entry.counters.contains("redundant_records")) redundant.push_back(e.redundant);
-    if (entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(e.waiting);
+    // One thread repeats no work and waits for nobody: that it does not is no merit.
+    if (point.cores > 1) {
+      if (entry.counters.contains("redundant_records")) redundant.push_back(e.redundant);
+      if (entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(e.waiting);
+    }
     outcome.threads = std::max(outcome.threads, point.cores);
     outcome.keys.insert(key_of(point.cache->traits.name, workload_key(r.workloads[point.workload])));
     entry.counters["measured_items_per_second"] = theirs.throughput;
