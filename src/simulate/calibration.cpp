@@ -11,16 +11,12 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
 #include <numeric>
 #include <stdexcept>
 #include <thread>
 
 #include "core/sync.h"
 #include "harness/environment.h"
-#include "harness/output_file.h"
 #include "harness/statistics.h"
 #include "harness/thread_team.h"
 #include "harness/ticks.h"
@@ -33,9 +29,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
-
-constexpr const char* kFormat = "icbench calibration of simulations";
-constexpr int kVersion = 1;
 
 /// Low quantile of many short measurements: what is longer was disturbed.
 double undisturbed(const std::vector<double>& samples) { return quantile(samples, 0.1); }
@@ -122,86 +115,6 @@ void measure_waking(ThreadTeam& two, WaitCosts& out) {
   }
   out.wake_call_ns = undisturbed(calls);
   out.wake_delay_ns = undisturbed(delays);
-}
-
-double number_at(const Json& j, const char* name) {
-  if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
-    throw std::runtime_error(fmt::format("'{}' is no number >= 0", name));
-  return j[name].get<double>();
-}
-
-std::string text_at(const Json& j, const char* name) {
-  if (!j.is_object() || !j.contains(name) || !j[name].is_string())
-    throw std::runtime_error(fmt::format("'{}' is no text", name));
-  return j[name].get<std::string>();
-}
-
-struct WaitField {
-  const char* name;
-  double WaitCosts::*member;
-};
-constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},
-                                {"wake_call_ns", &WaitCosts::wake_call_ns},
-                                {"wake_delay_ns", &WaitCosts::wake_delay_ns},
-                                {"pause_ns", &WaitCosts::pause_ns},
-                                {"yield_ns", &WaitCosts::yield_ns},
-                                {"clock_ns", &WaitCosts::clock_ns},
-                                {"start_ns", &WaitCosts::start_ns}};
-
-Calibration parse(const Json& j) {
-  if (!j.is_object() || j.value("format", "") != kFormat) throw std::runtime_error("this is no calibration");
-  if (j.value("version", 0) != kVersion)
-    throw std::runtime_error("it is of another version; give --recalibrate");
-  Calibration c;
-  c.host_name = text_at(j, "host_name");
-  c.cpu_model = text_at(j, "cpu_model");
-  c.commit = text_at(j, "commit");
-  c.date = text_at(j, "date");
-  const Json transfers = j.value("transfer_ns", Json());
-  if (!transfers.is_array() || transfers.size() != c.transfers.ns.size())
-    throw std::runtime_error("'transfer_ns' has not three numbers");
-  for (std::size_t i = 0; i < transfers.size(); ++i) {
-    if (!transfers[i].is_number() || !(transfers[i].get<double>() >= 0.0))
-      throw std::runtime_error("'transfer_ns' has not three numbers >= 0");
-    c.transfers.ns[i] = transfers[i].get<double>();
-  }
-  c.is_transfer_measured = j.value("transfer_measured", false);
-  for (const WaitField& field : kWaits)
-    c.waits.*field.member = number_at(j.value("waits", Json()), field.name);
-  c.harness_query_ns = number_at(j, "harness_query_ns");
-  const Json all = j.value("costs", Json::object());
-  if (!all.is_object()) throw std::runtime_error("'costs' is no object");
-  for (const auto& [key, costs] : all.items()) {
-    try {
-      c.costs[key] = CacheCosts::from_json(costs);
-    } catch (const std::runtime_error& e) {
-      throw std::runtime_error(fmt::format("costs of '{}': {}", key, e.what()));
-    }
-  }
-  if (j.contains("validation")) {
-    const Json& v = j["validation"];
-    Validation out;
-    const auto count_at = [&](const char* name) {
-      constexpr double kMost = 1e6;
-      const double n = number_at(v, name);
-      if (n > kMost) throw std::runtime_error(fmt::format("validation: '{}' is more than {}", name, kMost));
-      return static_cast<unsigned>(n);
-    };
-    out.threads = count_at("threads");
-    out.points = count_at("points");
-    out.throughput_error = number_at(v, "throughput_error");
-    out.records_error = number_at(v, "records_error");
-    out.waiting_error = number_at(v, "waiting_error");
-    out.date = text_at(v, "date");
-    if (!v.contains("of") || !v["of"].is_array())
-      throw std::runtime_error("validation: there is no list 'of'");
-    for (const Json& key : v["of"]) {
-      if (!key.is_string()) throw std::runtime_error("validation: 'of' holds what is no text");
-      out.keys.insert(key.get<std::string>());
-    }
-    c.validation = out;
-  }
-  return c;
 }
 
 /// Samples of one kind of operation.
@@ -415,71 +328,6 @@ class Sampler {
 };
 
 }  // namespace
-
-bool Validation::holds() const noexcept {
-  return throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar;
-}
-
-nlohmann::ordered_json Calibration::to_json() const {
-  Json j = {{"format", kFormat},
-            {"version", kVersion},
-            {"host_name", host_name},
-            {"cpu_model", cpu_model},
-            {"commit", commit},
-            {"date", date},
-            {"transfer_ns", transfers.ns},
-            {"transfer_measured", is_transfer_measured}};
-  for (const WaitField& field : kWaits) j["waits"][field.name] = waits.*field.member;
-  j["harness_query_ns"] = harness_query_ns;
-  if (validation) {
-    j["validation"] = {{"threads", validation->threads},
-                       {"points", validation->points},
-                       {"throughput_error", validation->throughput_error},
-                       {"records_error", validation->records_error},
-                       {"waiting_error", validation->waiting_error},
-                       {"date", validation->date},
-                       {"of", validation->keys}};
-  }
-  j["costs"] = Json::object();
-  for (const auto& [key, c] : costs) j["costs"][key] = c.to_json();
-  return j;
-}
-
-std::string default_calibration_path() {
-  const char* const cache = std::getenv("XDG_CACHE_HOME");
-  const char* const home = std::getenv("HOME");
-  // A path that is not absolute is to be ignored (XDG base directory specification).
-  const std::filesystem::path folder = cache != nullptr && cache[0] == '/' ? std::filesystem::path(cache)
-                                       : home != nullptr ? std::filesystem::path(home) / ".cache"
-                                                         : std::filesystem::temp_directory_path();
-  return (folder / "icbench" / "calibration.json").string();
-}
-
-std::optional<Calibration> read_calibration(const std::string& path) {
-  std::error_code none;
-  if (!std::filesystem::exists(path, none)) return std::nullopt;
-  std::ifstream in(path);
-  try {
-    const Json j = Json::parse(in, nullptr, false);
-    if (!in && !in.eof()) throw std::runtime_error("it cannot be read");
-    if (j.is_discarded()) throw std::runtime_error("this is no JSON");
-    return parse(j);
-  } catch (const std::exception& e) {
-    throw std::runtime_error(fmt::format("calibration '{}': {}", path, e.what()));
-  }
-}
-
-void write_calibration(const Calibration& calibration, const std::string& path) {
-  std::error_code error;
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (!folder.empty()) std::filesystem::create_directories(folder, error);
-  if (error) {
-    throw std::runtime_error(fmt::format(
-        "calibration '{}': its folder cannot be made ({}); give --calibration", path, error.message()));
-  }
-  const std::string text = calibration.to_json().dump(1) + "\n";
-  replace_file(path, [&](const Descriptor& out) { write_all(out, text, path); });
-}
 
 Calibration calibrate_machine(const Topology& topology, const Json& environment) {
   Calibration c;

@@ -75,7 +75,8 @@ struct CalibratedPlan {
 std::string workload_key(const WorkloadSpec& spec);
 std::string key_of(std::string_view cache, const std::string& workload_key);
 
-/// Costs of a cache; `one` has one thread, `two`, which may be null, has two on two cores. Throws std::runtime_error if the cache broke its promise meanwhile.
+/// Costs of a cache; `one` has one thread, `two`, which may be null, has two on two cores. Throws
+/// std::runtime_error if the cache broke its promise meanwhile.
 CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
                            ThreadTeam* two, const Work& work, const Calibration& machine, std::uint64_t seed);
 
