@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 5;
 /// Who waits notices at once.
-constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
 
 /// Every query and insert takes as long as every other.
 CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
@@ -39,8 +39,10 @@ SimulatedOutcome run(const SyntheticPlan& plan, std::string_view name, const Mac
   const auto program = simulated_program(plan, machine.cores, seed);
   const CacheEntry& entry = find_cache(name);
   const Mechanism mechanism = mechanism_of(entry.traits);
-  const auto cache = mechanism.locks_nodes ? make_logged_node_locks(program->config(machine.cores))
-                                           : entry.stepped(program->config(machine.cores));
+  const CacheConfig config = program->config(machine.cores);
+  const auto cache = mechanism.node_locks == Mechanism::NodeLocks::none
+                         ? entry.stepped(config)
+                         : make_logged_node_locks(entry.traits, config);
   return simulate(*program, *cache, {machine, waits, costs, mechanism, seed});
 }
 
@@ -58,8 +60,8 @@ SyntheticPlan lonely_points(const std::string& workload, std::uint32_t n) {
 TEST(Simulator, EqualInputsGiveEqualOutcomes) {
   const SyntheticPlan plan = made_plan("miss_driven:operations=3000:cost=1");
   for (const char* cache : {"packed_global_mutex", "global_spin", "queuing_mutex", "shared_mutex",
-                            "spin_rw_mutex", "packed_distributed_rw", "node_lock", "packed_local_write",
-                            "wait_free_snapshot", "tbb_hash_grid", "append_log"}) {
+                            "spin_rw_mutex", "packed_distributed_rw", "node_lock", "packed_node_lock",
+                            "packed_local_write", "wait_free_snapshot", "tbb_hash_grid", "append_log"}) {
     const auto once = run(plan, cache, machine_of(12, 30.0), flat_costs(200.0, 500.0, 20.0));
     const auto again = run(plan, cache, machine_of(12, 30.0), flat_costs(200.0, 500.0, 20.0));
     EXPECT_EQ(once.wall_ns, again.wall_ns) << cache;
@@ -173,6 +175,55 @@ TEST(Simulator, WhoQueuesWaitsForAllBefore) {
   EXPECT_EQ(o.lock_contended, kThreads * kEach - 1);
 }
 
+// All queries go through the region at the root, if one record reaches all of the space; else most do not meet.
+TEST(Simulator, RegionsAreHeldUntilTheOperationIsOver) {
+  PlanPoints points;
+  points.queries.points.assign(1, {{0.5f, 0.5f, 0.0f}, {0, 0, 1}});
+  points.queries.radii.assign(1, 0.1f);
+  const SyntheticPlan one{parse_workload("miss_driven:operations=1600:cost=0"), std::move(points), 1};
+  const auto o = run(one, "packed_node_lock", machine_of(16, 0.0), flat_costs(100.0, 100.0));
+  EXPECT_NEAR(o.wall_ns, 1600 * 100.0, 50 * 100.0);  // a query after the other
+  EXPECT_GT(o.lock_wait_ns, 0.8 * 16 * o.wall_ns);
+  const auto apart = run(lonely_points("miss_driven:operations=20000:cost=0", 20000), "packed_node_lock",
+                         machine_of(16, 0.0), flat_costs(100.0, 100.0));
+  EXPECT_LT(apart.wall_ns, 0.5 * 20000 * 200.0);
+}
+
+/// How long operations take by themselves decides nothing but times; their mean is the cost.
+TEST(Simulator, OperationsLieAboutTheirMean) {
+  std::vector<double> ratios;
+  for (int i = 0; i < 1000; ++i) ratios.push_back(i % 4 == 0 ? 2.5 : 0.5);
+  const Spread spread = Spread::of(ratios);
+  double sum = 0.0;
+  for (const double factor : spread.factors()) sum += factor;
+  EXPECT_NEAR(sum / static_cast<double>(spread.factors().size()), 1.0, 1e-12);
+  EXPECT_EQ(Spread::of({}).factors(), std::vector<double>{1.0});
+  EXPECT_EQ(Spread::of(std::vector<double>(100, 0.0)).factors(), std::vector<double>{1.0});
+
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=16000");
+  CacheCosts costs = flat_costs(100.0, 0.0);
+  costs.operations.query_spread = spread;
+  const auto o = run(plan, "wait_free", machine_of(1, 0.0), costs);
+  EXPECT_NEAR(o.wall_ns, 16000 * 100.0, 4 * 87.0 * std::sqrt(16000.0));  // standard deviation of one: 87
+  EXPECT_NE(o.wall_ns, 16000 * 100.0);
+}
+
+/// Whoever lets go before the kernel has looked need not wake, and costs nobody a wake-up.
+TEST(Simulator, WhoIsLetInBeforeTheKernelLooksDoesNotSleep) {
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=400");
+  WaitCosts waits = kAtOnce;
+  waits.wake_delay_ns = 1e6;
+  waits.check_ns = 150.0;
+  waits.park_ns = 200.0;
+  // Two threads that arrive together: one is in for 100 ns, so the other is called back.
+  const auto awake = run(plan, "global_mutex", machine_of(2, 0.0), flat_costs(100.0, 0.0), kSeed, waits);
+  EXPECT_LT(awake.wall_ns, 1e6);
+  EXPECT_GT(awake.lock_contended, 0u);
+  waits.check_ns = 50.0;
+  const auto asleep = run(plan, "global_mutex", machine_of(2, 0.0), flat_costs(100.0, 0.0), kSeed, waits);
+  EXPECT_GT(asleep.wall_ns, 1e6);
+}
+
 // Readers that count themselves on one line wait for the line, twice a query; those with lines of their own do not.
 TEST(Simulator, AWordThatAllWriteServesOneTransferAtATime) {
   const SyntheticPlan plan = made_plan("read_only:records=100:operations=3200");
@@ -235,7 +286,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   EXPECT_FALSE(read_calibration(path)->validation->holds_for("another cache under a workload"));
   for (const auto& [key, value] : std::initializer_list<std::pair<const char*, nlohmann::ordered_json>>{
            {"format", "something else"},
-           {"version", 2},
+           {"version", 1},
            {"transfer_ns", {1.0, 2.0}},
            {"waits", 3},
            {"harness_query_ns", -1.0},

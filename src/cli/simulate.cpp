@@ -100,46 +100,50 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   return r;
 }
 
-/// Measured and simulated figures of a point.
-struct Compared {
-  double throughput = 0.0, redundant = 0.0, records = 0.0, waiting = 0.0;
+/// Figures of a point in all rounds, measured or simulated.
+struct Rounds {
+  std::vector<double> throughput, redundant, records, waiting;
 
-  static Compared of(const Entry& e) {
-    Compared out;
-    out.throughput = e.items_per_second.value_or(0.0);
-    out.redundant = e.counters.value("redundant_records", 0.0);
-    out.records = e.counters.value("records", 0.0);
-    out.waiting = e.counters.value("lock_wait_share", 0.0);
-    return out;
+  void add(const Entry& e) {
+    throughput.push_back(e.items_per_second.value_or(0.0));
+    redundant.push_back(e.counters.value("redundant_records", 0.0));
+    records.push_back(e.counters.value("records", 0.0));
+    waiting.push_back(e.counters.value("lock_wait_share", 0.0));
   }
 };
 
-/// Of every field the median.
-Compared middle(const std::vector<Compared>& all) {
-  const auto of = [&](double Compared::*field) {
-    std::vector<double> values;
-    for (const Compared& c : all) values.push_back(c.*field);
-    return median(values);
-  };
-  return {of(&Compared::throughput), of(&Compared::redundant), of(&Compared::records),
-          of(&Compared::waiting)};
+double mean(const std::vector<double>& v) {
+  return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
 }
 
-struct Errors {
-  double throughput, redundant, waiting;
+/// A point, measured and simulated in turns.
+struct Compared {
+  SimulationPoint point;
+  Entry entry{};  // of the first round
+  Rounds measured{}, simulated{};
+
+  // A hundredth of the records, and of the time, are what errors are at least taken relative to.
+  static constexpr double kFloor = 0.01;
+
+  /// By the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
+  double throughput_error() const {
+    std::vector<double> ratios;
+    for (std::size_t i = 0; i < measured.throughput.size(); ++i)
+      ratios.push_back(simulated.throughput[i] / measured.throughput[i]);
+    return std::abs(median(ratios) - 1.0);
+  }
+  /// Of means: counts add up.
+  double redundant_error() const {
+    return std::abs(mean(simulated.redundant) - mean(measured.redundant)) /
+           std::max({std::abs(mean(measured.redundant)), kFloor * mean(measured.records), 1.0});
+  }
+  double waiting_error() const {
+    return std::abs(median(simulated.waiting) - median(measured.waiting)) /
+           std::max(median(measured.waiting), kFloor);
+  }
 };
 
-/// A hundredth of the records, and of the time, are what errors are at least taken relative to.
-Errors errors_of(const Compared& simulated, const Compared& measured) {
-  constexpr double kFloor = 0.01;
-  return {std::abs(simulated.throughput - measured.throughput) / measured.throughput,
-          std::abs(simulated.redundant - measured.redundant) /
-              std::max({std::abs(measured.redundant), kFloor * measured.records, 1.0}),
-          std::abs(simulated.waiting - measured.waiting) / std::max(measured.waiting, kFloor)};
-}
-
-void validate(Simulation& simulation, const Topology& topology, const SimulateOptions& o,
-              ResultsWriter& results) {
+void require_validation_possible(Simulation& simulation) {
   const SimulationRequest& r = simulation.request();
   if (const Calibration& c = simulation.calibration(); c.host_name != r.host_name) {
     throw std::runtime_error(
@@ -147,6 +151,15 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
                     "or give --recalibrate",
                     r.calibration_path, c.host_name));
   }
+  if (std::none_of(r.cores.begin(), r.cores.end(), [](unsigned n) { return n > 1; }))
+    throw std::runtime_error(
+        "--validate needs two processors: what one thread does is what the costs are from");
+}
+
+/// Every round of every point: costs as they are now, a real trial, a simulated one of the same operations.
+std::vector<Compared> compare_in_rounds(Simulation& simulation, const Topology& topology,
+                                        const SimulateOptions& o) {
+  const SimulationRequest& r = simulation.request();
   SweepRequest real;
   real.workloads = r.workloads;
   real.caches = r.caches;
@@ -154,60 +167,75 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   real.seed = r.seed;
   real.repetitions = o.repetitions;
   Sweep sweep(real, topology);
-  std::map<std::string, std::vector<Compared>> measured;
-  std::size_t trials = 0;
-  for (std::size_t w = 0; w < r.workloads.size(); ++w)
-    trials += sweep.points(w, 0).size() * (o.repetitions + 1);
-  Progress progress("validate", static_cast<double>(trials));
+  std::map<std::string, std::size_t> index;
+  std::vector<Compared> all;
+  for (const SimulationPoint& point : simulation.points()) {
+    index[simulation.name_of(point)] = all.size();
+    all.push_back({point});
+  }
+  Progress progress("validate", static_cast<double>(all.size()) * (o.repetitions + 1));
   for (std::size_t w = 0; w < r.workloads.size(); ++w) {
     for (unsigned i = 0; i <= o.repetitions; ++i) {
-      for (const SweepPoint& point : sweep.points(w, i)) {
-        const std::string name = sweep.name_of(point).substr(std::string_view("sweep/").size());
+      for (const SweepPoint& p : sweep.points(w, i)) {
+        const SimulationPoint point{w, p.cache, p.threads};
+        Compared& compared = all[index.at(simulation.name_of(point))];
+        const Moment moment = simulation.measured_now(point, i);
         try {
-          const Entry entry = sweep.run(point, i);
-          if (i != 0) measured[name].push_back(Compared::of(entry));  // the first runs cold
+          const Entry entry = sweep.run(p, i);
+          if (i != 0) compared.measured.add(entry);  // the first runs cold
         } catch (const InvalidTrial& e) {
           throw CheckFailed(e.what());
         }
-        progress.advance(1, name);
+        if (i != 0) {
+          const Entry entry = simulation.run(point, i, moment);
+          if (i == 1) compared.entry = entry;
+          compared.simulated.add(entry);
+        }
+        progress.advance(1, simulation.name_of(point));
       }
     }
   }
   progress.finish();
+  return all;
+}
 
+void validate(Simulation& simulation, const Topology& topology, const SimulateOptions& o,
+              ResultsWriter& results) {
+  require_validation_possible(simulation);
+  const SimulationRequest& r = simulation.request();
+  std::vector<Compared> all = compare_in_rounds(simulation, topology, o);
+
+  Validation outcome;
   std::vector<double> throughput, redundant, waiting;
   std::map<std::string, std::vector<double>> by_cache;
-  Validation outcome;
   fmt::print("{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
              "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "",
              "", "", "", "");
-  for (const SimulationPoint& point : simulation.points()) {
-    Entry entry = simulation.run(point);
-    std::vector<Compared> runs{Compared::of(entry)};
-    for (unsigned i = 1; i < 3; ++i) runs.push_back(Compared::of(simulation.run(point, i)));
-    const Compared ours = middle(runs);
-    const auto& all = measured.at(entry.name.substr(std::string_view("simulate/").size()));
-    const Compared theirs = middle(all);
-    const Errors e = errors_of(ours, theirs);
-    throughput.push_back(e.throughput);
-    by_cache[std::string(point.cache->traits.name)].push_back(e.throughput);
-    // One thread repeats no work and waits for nobody: that it does not is no merit.
-    if (point.cores > 1) {
-      if (entry.counters.contains("redundant_records")) redundant.push_back(e.redundant);
-      if (entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(e.waiting);
+  for (Compared& c : all) {
+    const double off = c.throughput_error();
+    // What one thread costs was measured; it repeats no work and waits for nobody. That this comes out is no merit.
+    if (c.point.cores > 1) {
+      throughput.push_back(off);
+      by_cache[std::string(c.point.cache->traits.name)].push_back(off);
+      if (c.entry.counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
+      if (c.entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
     }
-    outcome.threads = std::max(outcome.threads, point.cores);
-    outcome.keys.insert(key_of(point.cache->traits.name, workload_key(r.workloads[point.workload])));
-    entry.counters["measured_items_per_second"] = theirs.throughput;
-    entry.counters["measured_redundant_records"] = theirs.redundant;
-    entry.counters["measured_lock_wait_share"] = theirs.waiting;
-    entry.counters["error_items_per_second"] = e.throughput;
-    entry.counters["error_redundant_records"] = e.redundant;
-    entry.counters["error_lock_wait_share"] = e.waiting;
-    results.add(entry);
-    fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n", theirs.throughput,
-               ours.throughput, 100.0 * e.throughput, theirs.redundant, ours.redundant,
-               100.0 * theirs.waiting, 100.0 * ours.waiting, entry.name);
+    outcome.threads = std::max(outcome.threads, c.point.cores);
+    outcome.keys.insert(key_of(c.point.cache->traits.name, workload_key(r.workloads[c.point.workload])));
+    c.entry.items_per_second = median(c.simulated.throughput);
+    auto& counters = c.entry.counters;
+    counters["rounds"] = c.measured.throughput.size();
+    counters["measured_items_per_second"] = median(c.measured.throughput);
+    counters["measured_redundant_records"] = mean(c.measured.redundant);
+    counters["measured_lock_wait_share"] = median(c.measured.waiting);
+    counters["error_items_per_second"] = off;
+    counters["error_redundant_records"] = c.redundant_error();
+    counters["error_lock_wait_share"] = c.waiting_error();
+    results.add(c.entry);
+    fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
+               median(c.measured.throughput), median(c.simulated.throughput), 100.0 * off,
+               mean(c.measured.redundant), mean(c.simulated.redundant), 100.0 * median(c.measured.waiting),
+               100.0 * median(c.simulated.waiting), c.entry.name);
   }
   for (const auto& [cache, errors] : by_cache)
     fmt::print("{:<28} throughput off by {:5.1f} % in the median\n", cache, 100.0 * median(errors));
@@ -218,11 +246,10 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   outcome.waiting_error = or_none(waiting);
   outcome.date = date_now();
   const std::string line = fmt::format(
-      "median errors of {} points with up to {} thread{}: throughput {:.1f} %, redundant records {:.1f} %, "
-      "waiting for "
-      "locks {:.1f} %",
-      outcome.points, outcome.threads, outcome.threads == 1 ? "" : "s", 100.0 * outcome.throughput_error,
-      100.0 * outcome.records_error, 100.0 * outcome.waiting_error);
+      "median errors of {} points with 2 to {} threads: throughput {:.1f} %, redundant records {:.1f} %, "
+      "waiting for locks {:.1f} %",
+      outcome.points, outcome.threads, 100.0 * outcome.throughput_error, 100.0 * outcome.records_error,
+      100.0 * outcome.waiting_error);
   fmt::print("{}\n", line);
   simulation.calibration().validation = outcome;
   write_calibration(simulation.calibration(), r.calibration_path);
@@ -259,7 +286,7 @@ void simulate_command(const SimulateOptions& o) {
   context["calibration"]["file"] = r.calibration_path;
   context["virtual_machine"] = {{"cores_per_complex", r.machine.cores_per_complex},
                                 {"cores_per_socket", r.machine.cores_per_socket},
-                                {"transfer_ns", r.machine.transfers.ns}};
+                                {"transfer_ns", r.transfers.value_or(used.transfers).ns}};
   std::vector<std::string> workloads;
   for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
   const nlohmann::ordered_json configuration = {{"command", "simulate"},

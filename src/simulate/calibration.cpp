@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "caches/locks.h"
 #include "core/sync.h"
 #include "harness/environment.h"
 #include "harness/statistics.h"
@@ -117,6 +118,94 @@ void measure_waking(ThreadTeam& two, WaitCosts& out) {
   out.wake_delay_ns = undisturbed(delays);
 }
 
+/// Reads so much memory that nothing of the kernel's stays near, as work between two calls does.
+class OtherWork {
+ public:
+  void operator()() {
+    unsigned sum = 0;
+    for (std::size_t i = 0; i < memory_.size(); i += 64) sum += memory_[i];
+    asm volatile("" ::"r"(sum));
+  }
+
+ private:
+  std::vector<unsigned char> memory_ = std::vector<unsigned char>(256u << 10, 1);
+};
+
+/// From a thread's call to sleep until the kernel has looked at the word: another thread changes the word after ever
+/// longer delays, and whoever is still in time sends the caller back; and how long a call takes that comes back so.
+/// `transfer_ns`: what the word takes to the kernel.
+void measure_calls_in_vain(ThreadTeam& two, double transfer_ns, WaitCosts& out) {
+  constexpr unsigned kDelays = 40, kEach = 15;
+  constexpr double kStepNs = 20.0, kAheadNs = 3'000.0;
+  Word word;
+  std::atomic<std::uint64_t> begin{0};
+  std::atomic<int> called{-1}, back{-1};  // the last turn in which it was
+  std::vector<double> in_vain;
+  OtherWork other_work;
+  const TickRate rate = calibrate_ticks();
+  const auto wait_until = [](std::uint64_t tick) {
+    while (ticks() < tick) {
+    }
+  };
+  two.run([&](unsigned t) {
+    for (unsigned i = 0; i < kDelays * kEach; ++i) {
+      const int turn = static_cast<int>(i);
+      if (t == 0) {
+        other_work();
+        begin.store(ticks() + static_cast<std::uint64_t>(kAheadNs / rate.ns_per_tick),
+                    std::memory_order_relaxed);
+        called.store(turn, std::memory_order_release);  // with the begin
+        wait_until(begin.load(std::memory_order_relaxed));
+        const std::uint64_t start = ticks();
+        if (futex(word, FUTEX_WAIT, turn) != 0) in_vain.push_back(rate.to_ns(ticks() - start));
+        back.store(turn, std::memory_order_release);
+        for (unsigned spins = 0; word.value.load(std::memory_order_acquire) != turn + 1; ++spins)
+          NoHooks::wait_turn(spins);
+      } else {
+        for (unsigned spins = 0; called.load(std::memory_order_acquire) != turn; ++spins)
+          NoHooks::wait_turn(spins);
+        const double delay = kStepNs * (static_cast<double>(i / kEach) + 0.5);
+        wait_until(begin.load(std::memory_order_relaxed) +
+                   static_cast<std::uint64_t>(delay / rate.ns_per_tick));
+        word.value.store(turn + 1, std::memory_order_release);
+        // Until it is back, for it may be on its way to sleep. It may be in its next turn by then, and be woken there:
+        // that turn is over, too.
+        while (back.load(std::memory_order_acquire) < turn) futex(word, FUTEX_WAKE, 1);
+      }
+    }
+  });
+  out.check_ns = kStepNs * static_cast<double>(in_vain.size()) / kEach + transfer_ns;
+  if (!in_vain.empty()) out.park_ns = median(in_vain);
+}
+
+/// Taking a lock that is free and giving it back, as Locked does, by one thread.
+template <class Policy>
+double measured_lock() {
+  WithCounters counters;
+  typename Policy::Mutex mutex;
+  typename PartOfSession<Policy>::type part;
+  if constexpr (PartOfSession<Policy>::kOn) mutex.admit(part);
+  return time_of(100, 200, [&] {
+    if constexpr (PartOfSession<Policy>::kOn) {
+      typename Policy::Read scope(part, counters);
+    } else {
+      typename Policy::Read scope(mutex, counters);
+    }
+  });
+}
+
+std::array<double, kLockKinds> measured_locks() {
+  std::array<double, kLockKinds> out{};
+  const auto of = [&](LockKind kind) -> double& { return out[static_cast<std::size_t>(kind)]; };
+  of(LockKind::mutex) = measured_lock<GlobalMutex>();
+  of(LockKind::spin) = measured_lock<GlobalSpin<>>();
+  of(LockKind::queue) = measured_lock<QueuingMutex>();
+  of(LockKind::futex_rw) = measured_lock<SharedMutex>();
+  of(LockKind::spin_rw) = measured_lock<SpinRwMutex>();
+  of(LockKind::distributed_rw) = measured_lock<DistributedRw<>>();
+  return out;
+}
+
 /// Samples of one kind of operation.
 class Samples {
  public:
@@ -126,8 +215,8 @@ class Samples {
   }
 
   /// Mean by class of size at no valid record, and by least squares what each valid one and each one that is seen first
-  /// adds. Samples that are far longer than others of their class were interrupted.
-  SizeCost fit(double& valid_ns, double& fresh_ns) {
+  /// adds; and how samples lie about that. Those that are far longer than others of their class were interrupted.
+  SizeCost fit(double& valid_ns, double& fresh_ns, Spread& spread) {
     valid_ns = fresh_ns = 0.0;
     if (all_.empty()) return SizeCost({0.0});
     unsigned most = 0;
@@ -182,6 +271,12 @@ class Samples {
     // Classes without a sample take the next one's that has some.
     for (unsigned k = most; k-- > 0;)
       if (out[k] < 0.0) out[k] = out[k + 1];
+    std::vector<double> ratios;
+    for (const One& s : all_) {
+      const double expected = out[s.size_class] + valid_ns * s.valid + fresh_ns * s.fresh;
+      if (expected > 0.0) ratios.push_back(s.ns / expected);
+    }
+    spread = Spread::of(std::move(ratios));
     return SizeCost(std::move(out));
   }
 
@@ -223,8 +318,8 @@ class Sampler {
     }
     OperationCosts out;
     double unused_valid = 0.0, unused_fresh = 0.0;
-    out.query = queries_.fit(out.valid_ns, out.fresh_ns);
-    out.insert = inserts_.fit(unused_valid, unused_fresh);
+    out.query = queries_.fit(out.valid_ns, out.fresh_ns, out.query_spread);
+    out.insert = inserts_.fit(unused_valid, unused_fresh, out.insert_spread);
     return out;
   }
 
@@ -327,7 +422,24 @@ class Sampler {
   Samples queries_, inserts_;
 };
 
+TrialOutcome run_trial(const CacheEntry& cache, const CalibratedPlan& plan, const TrialSetup& setup) {
+  TrialOutcome o = plan.trace ? cache.trace(*plan.trace, setup) : cache.synthetic(*plan.synthetic, setup);
+  if (!o.error.empty())
+    throw std::runtime_error(fmt::format("calibration of {}: {}", cache.traits.name, o.error));
+  return o;
+}
+
+double merge_of_record(const TrialOutcome& o) {
+  return o.merge_ns / std::max(1.0, static_cast<double>(o.counts.inserted));
+}
+
 }  // namespace
+
+void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits) {
+  transfers.ns[0] = measured_transfer(two);
+  measure_waking(two, waits);
+  measure_calls_in_vain(two, transfers.ns[0], waits);
+}
 
 Calibration calibrate_machine(const Topology& topology, const Json& environment) {
   Calibration c;
@@ -335,21 +447,20 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
   c.cpu_model = environment.value("cpu_model", "");
   c.commit = environment.value("commit", "");
   c.date = date_now();
+  Word word;
+  c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
   if (topology.units().size() >= 2) {
     ThreadTeam two(topology, Placement::compact, 2);
-    c.transfers.ns[0] = measured_transfer(two);
+    measure_contention(two, c.transfers, c.waits);
     c.is_transfer_measured = true;
-    measure_waking(two, c.waits);
   }
   c.waits.clock_ns = time_of(100, 500, [] {
     const auto now = Clock::now();
     asm volatile("" ::"r"(&now) : "memory");
   });
   c.waits.pause_ns = time_of(100, 500, [] { spin_pause(); });
-  Word word;
-  c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
-  // A call that returns at once, as this one does where nobody is there to run; here somebody may be.
-  c.waits.yield_ns = c.waits.park_ns;
+  c.waits.yield_ns = time_of(10, 500, [] { std::this_thread::yield(); });
+  c.waits.lock_ns = measured_locks();
   c.waits.start_ns = time_of(1, 50, [] { std::jthread([] {}); });
 
   const WorkloadSpec spec = parse_workload("read_only:records=1000:operations=200000");
@@ -381,12 +492,7 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
                            ThreadTeam* two, const Work& work, const Calibration& machine,
                            std::uint64_t seed) {
   const auto trial = [&](const CacheEntry& entry, std::uint64_t repetition) {
-    const TrialSetup setup{one, work, hash_keys(seed, repetition, 8)};
-    const TrialOutcome o =
-        plan.trace ? entry.trace(*plan.trace, setup) : entry.synthetic(*plan.synthetic, setup);
-    if (!o.error.empty())
-      throw std::runtime_error(fmt::format("calibration of {}: {}", entry.traits.name, o.error));
-    return o;
+    return run_trial(entry, plan, {one, work, hash_keys(seed, repetition, 8)});
   };
   const auto program = plan.trace ? simulated_program(*plan.trace)
                                   : simulated_program(*plan.synthetic, 1, hash_keys(seed, 0, 8));
@@ -414,7 +520,7 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
     around.push_back(nothing.cpu_ns / std::max(1.0, queries == 0.0 ? offered : queries));
     const TrialOutcome real = trial(cache, i);
     whole.push_back(real.cpu_ns);
-    merges.push_back(real.merge_ns / std::max(1.0, static_cast<double>(real.counts.inserted)));
+    merges.push_back(merge_of_record(real));
   }
   costs.outside_query_ns = std::min(machine.harness_query_ns, median(around));
   costs.outside_insert_ns = inserts_per_query == 0.0
@@ -426,10 +532,18 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
   const MachineModel alone{.cores = 1};
   const auto stepped = cache.stepped(program->config(1));
   const SimulatedOutcome o = simulate(*program, *stepped, {alone, machine.waits, costs, mechanism, seed});
-  const double modelled = o.wall_ns - o.merge_ns, measured = median(whole) - o.merge_ns;
-  if (modelled > 0.0 && measured > 0.0) {
-    costs.scale(measured / modelled);
-  }
+  costs.trial_ns = o.wall_ns - o.merge_ns;
+  const double measured = median(whole) - o.merge_ns;
+  if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
+  return costs;
+}
+
+CacheCosts costs_now(CacheCosts costs, const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
+                     const Work& work, std::uint64_t seed) {
+  const TrialOutcome o = run_trial(cache, plan, {one, work, seed});
+  if (costs.merge_record_ns != 0.0) costs.merge_record_ns = merge_of_record(o);
+  const double measured = o.cpu_ns - o.merge_ns;
+  if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
   return costs;
 }
 

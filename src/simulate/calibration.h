@@ -61,6 +61,10 @@ std::optional<Calibration> read_calibration(const std::string& path);
 /// Replaces the file; makes its folder. Throws std::runtime_error with one line.
 void write_calibration(const Calibration& calibration, const std::string& path);
 
+/// What depends on how far apart two cores are and on waking, of threads on two of them; some hundredths of a second.
+/// On a virtual machine this changes from minute to minute, as its processors are moved about.
+void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits);
+
 /// All but costs of caches; about a second. `environment` is an environment record.
 Calibration calibrate_machine(const Topology& topology, const nlohmann::ordered_json& environment);
 
@@ -79,5 +83,9 @@ std::string key_of(std::string_view cache, const std::string& workload_key);
 /// std::runtime_error if the cache broke its promise meanwhile.
 CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
                            ThreadTeam* two, const Work& work, const Calibration& machine, std::uint64_t seed);
+
+/// `costs`, measured earlier, as they are now, by one trial on one thread. Throws as calibrate_cache does.
+CacheCosts costs_now(CacheCosts costs, const CacheEntry& cache, const CalibratedPlan& plan, ThreadTeam& one,
+                     const Work& work, std::uint64_t seed);
 
 }  // namespace icbench

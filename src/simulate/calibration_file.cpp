@@ -16,12 +16,24 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "icbench calibration of simulations";
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 
 double number_at(const Json& j, const char* name) {
   if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
     throw std::runtime_error(fmt::format("'{}' is no number >= 0", name));
   return j[name].get<double>();
+}
+
+template <std::size_t N>
+void read_numbers(const Json& j, const char* name, std::array<double, N>& out) {
+  const Json all = j.value(name, Json());
+  if (!all.is_array() || all.size() != N)
+    throw std::runtime_error(fmt::format("'{}' has not {} numbers", name, N));
+  for (std::size_t i = 0; i < N; ++i) {
+    if (!all[i].is_number() || !(all[i].get<double>() >= 0.0))
+      throw std::runtime_error(fmt::format("'{}' has not {} numbers >= 0", name, N));
+    out[i] = all[i].get<double>();
+  }
 }
 
 std::string text_at(const Json& j, const char* name) {
@@ -34,13 +46,11 @@ struct WaitField {
   const char* name;
   double WaitCosts::*member;
 };
-constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},
-                                {"wake_call_ns", &WaitCosts::wake_call_ns},
-                                {"wake_delay_ns", &WaitCosts::wake_delay_ns},
-                                {"pause_ns", &WaitCosts::pause_ns},
-                                {"yield_ns", &WaitCosts::yield_ns},
-                                {"clock_ns", &WaitCosts::clock_ns},
-                                {"start_ns", &WaitCosts::start_ns}};
+constexpr WaitField kWaits[] = {
+    {"park_ns", &WaitCosts::park_ns},           {"check_ns", &WaitCosts::check_ns},
+    {"wake_call_ns", &WaitCosts::wake_call_ns}, {"wake_delay_ns", &WaitCosts::wake_delay_ns},
+    {"pause_ns", &WaitCosts::pause_ns},         {"yield_ns", &WaitCosts::yield_ns},
+    {"clock_ns", &WaitCosts::clock_ns},         {"start_ns", &WaitCosts::start_ns}};
 
 Calibration parse(const Json& j) {
   if (!j.is_object() || j.value("format", "") != kFormat) throw std::runtime_error("this is no calibration");
@@ -51,17 +61,11 @@ Calibration parse(const Json& j) {
   c.cpu_model = text_at(j, "cpu_model");
   c.commit = text_at(j, "commit");
   c.date = text_at(j, "date");
-  const Json transfers = j.value("transfer_ns", Json());
-  if (!transfers.is_array() || transfers.size() != c.transfers.ns.size())
-    throw std::runtime_error("'transfer_ns' has not three numbers");
-  for (std::size_t i = 0; i < transfers.size(); ++i) {
-    if (!transfers[i].is_number() || !(transfers[i].get<double>() >= 0.0))
-      throw std::runtime_error("'transfer_ns' has not three numbers >= 0");
-    c.transfers.ns[i] = transfers[i].get<double>();
-  }
+  read_numbers(j, "transfer_ns", c.transfers.ns);
   c.is_transfer_measured = j.value("transfer_measured", false);
   for (const WaitField& field : kWaits)
     c.waits.*field.member = number_at(j.value("waits", Json()), field.name);
+  read_numbers(j["waits"], "lock_ns", c.waits.lock_ns);
   c.harness_query_ns = number_at(j, "harness_query_ns");
   const Json all = j.value("costs", Json::object());
   if (!all.is_object()) throw std::runtime_error("'costs' is no object");
@@ -101,7 +105,7 @@ Calibration parse(const Json& j) {
 }  // namespace
 
 bool Validation::holds() const noexcept {
-  return throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar;
+  return points != 0 && throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar;
 }
 
 nlohmann::ordered_json Calibration::to_json() const {
@@ -114,6 +118,7 @@ nlohmann::ordered_json Calibration::to_json() const {
             {"transfer_ns", transfers.ns},
             {"transfer_measured", is_transfer_measured}};
   for (const WaitField& field : kWaits) j["waits"][field.name] = waits.*field.member;
+  j["waits"]["lock_ns"] = waits.lock_ns;
   j["harness_query_ns"] = harness_query_ns;
   if (validation) {
     j["validation"] = {{"threads", validation->threads},

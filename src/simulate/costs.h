@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "core/random.h"
 #include "simulate/locks.h"
 #include "simulate/machine.h"
 
@@ -28,9 +29,28 @@ class SizeCost {
   std::vector<double> ns_;
 };
 
+/// How single operations lie about their mean: factors, of mean 1, each as likely as the others. Waiting depends on it:
+/// operations that all take equally long fall into step.
+class Spread {
+ public:
+  /// Not empty, each >= 0.
+  explicit Spread(std::vector<double> factors = {1.0}) : factors_(std::move(factors)) {}
+  /// Of samples over what was expected of them; any order.
+  static Spread of(std::vector<double> ratios);
+
+  double draw(Pcg32& random) const noexcept {
+    return factors_[random.below(static_cast<std::uint32_t>(factors_.size()))];
+  }
+  const std::vector<double>& factors() const noexcept { return factors_; }
+
+ private:
+  std::vector<double> factors_;
+};
+
 /// Queries and inserts of one cache, nanoseconds.
 struct OperationCosts {
   SizeCost query, insert;
+  Spread query_spread{}, insert_spread{};
   double valid_ns = 0.0;  ///< a query, for each valid record
   double fresh_ns =
       0.0;  ///< a query, for each valid record that another core inserted and this one sees first
@@ -42,7 +62,9 @@ struct CacheCosts {
   double outside_query_ns = 0.0;  ///< of the workload's own code around it: outside of any lock
   double outside_insert_ns = 0.0;
   double merge_record_ns = 0.0;  ///< of end_frame, for each record inserted since the last
+  double trial_ns = 0.0;  ///< of a whole trial on one thread without work or merge: what the costs add up to
 
+  /// All but what depends on other cores and on merges.
   void scale(double by);
 
   nlohmann::ordered_json to_json() const;

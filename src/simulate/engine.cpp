@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <queue>
 #include <stdexcept>
 #include <unordered_map>
@@ -21,20 +22,41 @@ double SizeCost::at(std::uint64_t records) const noexcept {
   return ns_[static_cast<std::size_t>(low)] * (1.0 - part) + ns_[static_cast<std::size_t>(high)] * part;
 }
 
+Spread Spread::of(std::vector<double> ratios) {
+  constexpr std::size_t kFactors = 64;
+  std::sort(ratios.begin(), ratios.end());
+  const double sum = std::accumulate(ratios.begin(), ratios.end(), 0.0);
+  if (ratios.size() < kFactors || !(sum > 0.0)) return Spread();
+  const double mean = sum / static_cast<double>(ratios.size());
+  std::vector<double> out;
+  for (std::size_t k = 0; k < kFactors; ++k) {
+    const auto first = ratios.begin() + static_cast<std::ptrdiff_t>(k * ratios.size() / kFactors);
+    const auto last = ratios.begin() + static_cast<std::ptrdiff_t>((k + 1) * ratios.size() / kFactors);
+    out.push_back(std::accumulate(first, last, 0.0) / static_cast<double>(last - first) / mean);
+  }
+  return Spread(std::move(out));
+}
+
 void CacheCosts::scale(double by) {
   operations.query.scale(by);
   operations.insert.scale(by);
   operations.valid_ns *= by;
-  operations.fresh_ns *= by;
   outside_query_ns *= by;
   outside_insert_ns *= by;
+  trial_ns *= by;
 }
 
 nlohmann::ordered_json CacheCosts::to_json() const {
-  return {{"query_ns", operations.query.ns()},    {"insert_ns", operations.insert.ns()},
-          {"valid_ns", operations.valid_ns},      {"fresh_ns", operations.fresh_ns},
-          {"outside_query_ns", outside_query_ns}, {"outside_insert_ns", outside_insert_ns},
-          {"merge_record_ns", merge_record_ns}};
+  return {{"query_ns", operations.query.ns()},
+          {"insert_ns", operations.insert.ns()},
+          {"query_spread", operations.query_spread.factors()},
+          {"insert_spread", operations.insert_spread.factors()},
+          {"valid_ns", operations.valid_ns},
+          {"fresh_ns", operations.fresh_ns},
+          {"outside_query_ns", outside_query_ns},
+          {"outside_insert_ns", outside_insert_ns},
+          {"merge_record_ns", merge_record_ns},
+          {"trial_ns", trial_ns}};
 }
 
 CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
@@ -48,18 +70,20 @@ CacheCosts CacheCosts::from_json(const nlohmann::ordered_json& all) {
       throw std::runtime_error("a cost is no number >= 0");
     return value.get<double>();
   };
-  const auto sizes = [&](const Value& j, const char* name) {
-    std::vector<double> ns;
-    for (const auto& value : field(j, name)) ns.push_back(number(value));
-    if (ns.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
-    return SizeCost(std::move(ns));
+  const auto numbers = [&](const char* name) {
+    std::vector<double> out;
+    for (const auto& value : field(all, name)) out.push_back(number(value));
+    if (out.empty()) throw std::runtime_error(fmt::format("'{}' is empty", name));
+    return out;
   };
   CacheCosts out;
-  out.operations = {sizes(all, "query_ns"), sizes(all, "insert_ns"), number(field(all, "valid_ns")),
-                    number(field(all, "fresh_ns"))};
+  out.operations = {SizeCost(numbers("query_ns")),   SizeCost(numbers("insert_ns")),
+                    Spread(numbers("query_spread")), Spread(numbers("insert_spread")),
+                    number(field(all, "valid_ns")),  number(field(all, "fresh_ns"))};
   out.outside_query_ns = number(field(all, "outside_query_ns"));
   out.outside_insert_ns = number(field(all, "outside_insert_ns"));
   out.merge_record_ns = number(field(all, "merge_record_ns"));
+  out.trial_ns = number(field(all, "trial_ns"));
   return out;
 }
 
@@ -75,7 +99,9 @@ Mechanism declared(const CacheTraits& traits) noexcept {
   for (const auto& [name, kind] : kLocks) {
     if (traits.mechanism == name) out.lock = kind;
   }
-  out.locks_nodes = traits.name == "node_lock";  // the one that make_logged_node_locks makes
+  if (traits.mechanism == "node_lock")
+    out.node_locks =
+        traits.structure == "packed" ? Mechanism::NodeLocks::together : Mechanism::NodeLocks::in_turn;
   out.has_clock = traits.mechanism.ends_with("snapshot");
   out.has_tail = traits.mechanism == "tbb" || traits.mechanism == "append_log";
   out.sees_own_only = traits.consistency == Consistency::frame;
@@ -90,7 +116,7 @@ Mechanism declared(const CacheTraits& traits) noexcept {
 bool has_model(const CacheTraits& traits) noexcept {
   const Mechanism m = declared(traits);
   return (traits.insert != ProgressGuarantee::blocking && traits.query != ProgressGuarantee::blocking) ||
-         m.lock != LockKind::none || m.locks_nodes || m.has_tail;
+         m.lock != LockKind::none || m.node_locks != Mechanism::NodeLocks::none || m.has_tail;
 }
 
 Mechanism mechanism_of(const CacheTraits& traits) {
@@ -112,6 +138,8 @@ struct NodeLine {
 };
 
 class Engine {
+  using NodeLocks = Mechanism::NodeLocks;
+
  public:
   Engine(const SimulatedProgram& program, SteppedCache& cache, const SimulatedSetup& setup)
       : program_(program),
@@ -120,8 +148,10 @@ class Engine {
         machine_(setup.machine),
         mechanism_(setup.mechanism),
         operations_(setup.costs.operations),
+        beside_lock_ns_(0.5 * setup.waits.lock_ns[static_cast<std::size_t>(setup.mechanism.lock)]),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
+        random_(setup.seed),
         lock_(make_lock(setup.mechanism.lock, setup.machine, setup.waits, setup.seed,
                         [this](unsigned thread, double time) {
                           events_.push({time, thread, threads_[thread].waits, true});
@@ -242,17 +272,18 @@ class Engine {
     threads_[t].stage = stage;
     threads_[t].is_inside = false;
     const CacheCosts& c = setup_.costs;
-    push(t, time + (stage == Stage::insert ? c.outside_insert_ns : c.outside_query_ns));
+    push(t, time + (stage == Stage::insert ? c.outside_insert_ns : c.outside_query_ns) + beside_lock_ns_);
   }
 
   void arrive(unsigned t, double time) {
     if (lock_ == nullptr) return go_in(t, time);
     ++out_.lock_acquisitions;
-    if (const auto in = lock_->enter(visitor(t), time)) return go_in(t, *in);
+    const Arrival arrival = lock_->enter(visitor(t), time);
+    if (arrival.is_in) return go_in(t, arrival.time);
     Thread& thread = threads_[t];
     ++out_.lock_contended;
     thread.is_waiting = true;
-    thread.since = time;
+    thread.since = arrival.time;
   }
 
   void resume(unsigned t, double time) {
@@ -290,9 +321,11 @@ class Engine {
       } else {
         ++out_.refused;
       }
-      if (mechanism_.locks_nodes) time = lock_nodes(t, time, 0.0);
+      // Those of parts are in turn held for moments of an insert; together, for all of it, which comes now.
+      if (mechanism_.node_locks == NodeLocks::in_turn) time = lock_in_turn(t, time, 0.0);
+      if (mechanism_.node_locks == NodeLocks::together) time = lock_together(t, time, insert_ns(thread));
     }
-    if (lock_ != nullptr) time = lock_->leave(visitor(t), time);
+    if (lock_ != nullptr) time = lock_->leave(visitor(t), time) + beside_lock_ns_;
     proceed(t, time);
   }
 
@@ -334,8 +367,11 @@ class Engine {
     if (mechanism_.has_clock) end = clock_.read(machine_, t, end);
     out_.transfer_ns += end - time;
     const double ns =
-        operations_.query.at(visible(thread)) + operations_.valid_ns * static_cast<double>(shown.valid);
-    return mechanism_.locks_nodes ? lock_nodes(t, end, ns) : end + ns;
+        (operations_.query.at(visible(thread)) + operations_.valid_ns * static_cast<double>(shown.valid)) *
+        operations_.query_spread.draw(random_);
+    if (mechanism_.node_locks == NodeLocks::in_turn) return lock_in_turn(t, end, ns);
+    if (mechanism_.node_locks == NodeLocks::together) return lock_together(t, end, ns);
+    return end + held(ns);
   }
 
   double time_of_insert(unsigned t, double time) {
@@ -351,11 +387,18 @@ class Engine {
       end = tickets_.write(machine_, t, end);
     }
     out_.transfer_ns += end - time;
-    return end + operations_.insert.at(visible(thread));
+    return mechanism_.node_locks == NodeLocks::together ? end : end + held(insert_ns(thread));
   }
 
+  double insert_ns(const Thread& thread) {
+    return operations_.insert.at(visible(thread)) * operations_.insert_spread.draw(random_);
+  }
+
+  /// Of an operation that takes `ns`, what is not taking the lock and giving it back.
+  double held(double ns) const noexcept { return std::max(0.0, ns - 2.0 * beside_lock_ns_); }
+
   /// The operation's locks one after the other, each held for an equal share of `ns`; when the last is free again.
-  double lock_nodes(unsigned t, double time, double ns) {
+  double lock_in_turn(unsigned t, double time, double ns) {
     const auto& words = LockLog::words();
     if (words.empty()) return time + ns;
     const double hold = ns / static_cast<double>(words.size());
@@ -376,6 +419,23 @@ class Engine {
       if (!is_before) node = {t, in, time};
     }
     return time;
+  }
+
+  /// The same for locks that are all held from when the last one is taken until `ns` are over.
+  double lock_together(unsigned t, double time, double ns) {
+    const auto& words = LockLog::words();
+    out_.lock_acquisitions += words.size();
+    for (const void* word : words) {
+      NodeLine& node = nodes_[word];
+      const double transfer = node.owner == ~0u ? 0.0 : machine_.transfer_ns(node.owner, t);
+      const double wait = std::max(0.0, node.until - time);
+      out_.lock_contended += wait > 0.0;
+      out_.lock_wait_ns += wait;
+      out_.transfer_ns += transfer;
+      time += wait + transfer;
+    }
+    for (const void* word : words) nodes_[word] = {t, time, time + ns};
+    return time + ns;
   }
 
   /// What the core waits for a record that it sees for the first time: as measured within a complex, and from farther
@@ -434,8 +494,10 @@ class Engine {
   const MachineModel& machine_;
   const Mechanism mechanism_;
   const OperationCosts operations_;
+  const double beside_lock_ns_;  // before it is held, and after
   std::vector<Thread> threads_;  // thread t on core t
   FreshRecords fresh_;
+  Pcg32 random_;
   std::unique_ptr<VirtualLock> lock_;
   std::priority_queue<Event> events_;
   std::unordered_map<const void*, NodeLine> nodes_;

@@ -8,8 +8,8 @@
 // (local_write) are the cache's own business, since sessions are real.
 //
 // Exact: what is stored and seen, given the times; one virtual core leaves the records of one real thread, bit for bit.
-// Modelled: times. Locks as in locks.h, shared words as in machine.h; a lock per node by the addresses that the real
-// operation locked; a merge that the cache does in parallel as if every core merged its own session's records.
+// Modelled: times. Locks as in locks.h, shared words as in machine.h; locks per node or region by the addresses that the
+// real operation locked; a merge that the cache does in parallel as if every core merged its own session's records.
 // Not modelled: threads beyond cores, caches and memory bandwidth that cores share, other programs, what the kernel
 // does now and then; compare-and-swaps that fail.
 //
@@ -32,9 +32,10 @@ namespace icbench {
 /// What of a cache the engine has to know beside its code.
 struct Mechanism {
   LockKind lock = LockKind::none;
-  bool locks_nodes = false;  ///< the cache reports each lock it takes (LockLog)
-  bool has_clock = false;    ///< one word that queries read and inserts write
-  bool has_tail = false;     ///< one word that every insert writes
+  /// Locks of parts, which the cache reports (LockLog): held one after the other, or all until the operation is over.
+  enum class NodeLocks : std::uint8_t { none, in_turn, together } node_locks = NodeLocks::none;
+  bool has_clock = false;  ///< one word that queries read and inserts write
+  bool has_tail = false;   ///< one word that every insert writes
   bool sees_own_only =
       false;  ///< until end_frame; queries slow down with its own records, or with all it sees
   bool searches_own = false;  ///< a query tests its own records one after the other
@@ -52,8 +53,8 @@ struct LockLog {
   static std::vector<const void*>& words();
 };
 
-/// The cache with a lock per node, whose locks tell the LockLog.
-std::unique_ptr<SteppedCache> make_logged_node_locks(const CacheConfig& config);
+/// The cache with those traits, which has locks of parts, with ones that tell the LockLog.
+std::unique_ptr<SteppedCache> make_logged_node_locks(const CacheTraits& traits, const CacheConfig& config);
 
 struct SimulatedOutcome {
   double wall_ns = 0.0;  ///< as TrialOutcome's

@@ -26,9 +26,13 @@ class Model : public VirtualLock {
  protected:
   struct Waiting {
     Visitor visitor;
-    double since;  // spinning, or asleep from then on
+    double since;  // it looks at the word, or calls the kernel to sleep
   };
 
+  /// Whose try at t was in vain.
+  Arrival waits_from(double t) const noexcept { return {t + costs_.clock_ns, false}; }
+  /// Whether one who calls the kernel to sleep is let do so; not if it is let in before the kernel looks.
+  bool is_asleep(const Waiting& w, double t) const noexcept { return t >= w.since + costs_.check_ns; }
   double transfer(const Visitor& from, const Visitor& to) const noexcept {
     return machine_.transfer_ns(from.core, to.core);
   }
@@ -46,9 +50,13 @@ class Model : public VirtualLock {
     if (look >= seen || costs_.yield_ns <= 0.0) return std::max(look, seen);
     return look + std::ceil((seen - look) / costs_.yield_ns) * costs_.yield_ns;
   }
-  /// When one who sleeps has woken, if somebody calls for it at t.
+  /// When one who sleeps, or is about to, goes on, if somebody calls for it at t.
   double awake(const Waiting& sleeper, double t) const noexcept {
-    return std::max(sleeper.since, t + costs_.wake_delay_ns);
+    return is_asleep(sleeper, t) ? t + costs_.wake_delay_ns : sleeper.since + costs_.park_ns;
+  }
+  /// Of the one who calls.
+  double call_ns(const Waiting& sleeper, double t) const noexcept {
+    return is_asleep(sleeper, t) ? costs_.wake_call_ns : costs_.park_ns;
   }
   static void forget(std::vector<Waiting>& waiting, unsigned thread) {
     std::erase_if(waiting, [&](const Waiting& w) { return w.visitor.thread == thread; });
@@ -65,34 +73,37 @@ class Mutex final : public Model {
  public:
   using Model::Model;
 
-  std::optional<double> enter(const Visitor& v, double t) override {
+  Arrival enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
-    if (!std::exchange(is_held_, true)) return t;
-    return sleep(v, t);
+    if (!std::exchange(is_held_, true)) return {t, true};
+    const Arrival waits = waits_from(t);
+    sleep(v, waits.time);
+    return waits;
   }
   std::optional<double> resume(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
-    // Who has slept cannot know whether others do, and leaves a mark that they may.
-    if (std::exchange(is_held_, true)) return sleep(v, t);
-    has_sleepers_ = true;
+    if (std::exchange(is_held_, true)) {
+      sleep(v, t);
+      return std::nullopt;
+    }
+    has_sleepers_ = true;  // who has slept cannot know whether others do, and leaves a mark that they may
     return t;
   }
   double leave(const Visitor& v, double t) override {
     is_held_ = false;
     t = line_.write(machine_, v.core, t);
     if (!std::exchange(has_sleepers_, false)) return t;
-    if (!sleepers_.empty()) {
-      wake_(sleepers_.front().visitor.thread, awake(sleepers_.front(), t));
-      sleepers_.pop_front();
-    }
-    return t + costs_.wake_call_ns;
+    if (sleepers_.empty()) return t + costs_.park_ns;
+    const Waiting sleeper = sleepers_.front();
+    sleepers_.pop_front();
+    wake_(sleeper.visitor.thread, awake(sleeper, t));
+    return t + call_ns(sleeper, t);
   }
 
  private:
-  std::nullopt_t sleep(const Visitor& v, double t) {
+  void sleep(const Visitor& v, double t) {
     has_sleepers_ = true;
-    sleepers_.push_back({v, t + costs_.park_ns});
-    return std::nullopt;
+    sleepers_.push_back({v, t});
   }
 
   bool is_held_ = false, has_sleepers_ = false;
@@ -103,15 +114,16 @@ class Spin final : public Model {
  public:
   using Model::Model;
 
-  std::optional<double> enter(const Visitor& v, double t) override {
+  Arrival enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
     // Whoever waits may be there before.
     if (!is_held_ && (waiting_.empty() || t < first_try_)) {
       is_held_ = true;
-      return t;
+      return {t, true};
     }
-    waiting_.push_back({v, t});
-    return std::nullopt;
+    const Arrival waits = waits_from(t);
+    waiting_.push_back({v, waits.time});
+    return waits;
   }
   std::optional<double> resume(const Visitor& v, double t) override {
     if (is_held_) return std::nullopt;
@@ -142,13 +154,13 @@ class Queue final : public Model {
  public:
   using Model::Model;
 
-  std::optional<double> enter(const Visitor& v, double t) override {
+  Arrival enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
-    if (!std::exchange(is_held_, true)) return t;
-    // The first try was in vain, and the place in the queue is taken now.
-    t = line_.write(machine_, v.core, t);
-    queue_.push_back({v, t});
-    return std::nullopt;
+    if (!std::exchange(is_held_, true)) return {t, true};
+    // The place in the queue is taken after the clock was read.
+    const Arrival waits = waits_from(t);
+    queue_.push_back({v, line_.write(machine_, v.core, waits.time)});
+    return waits;
   }
   std::optional<double> resume(const Visitor&, double t) override { return t; }
   double leave(const Visitor& v, double t) override {
@@ -170,22 +182,31 @@ class FutexRw final : public Model {
  public:
   using Model::Model;
 
-  std::optional<double> enter(const Visitor& v, double t) override {
+  Arrival enter(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
-    if (v.writes) return try_write(v, t);
-    if (!has_writer_) {
-      ++readers_;
-      return t;
+    if (v.writes ? try_write() : !has_writer_) {
+      readers_ += !v.writes;
+      return {t, true};
     }
-    sleeping_readers_.push_back({v, t + costs_.park_ns});
-    return std::nullopt;
+    const Arrival waits = waits_from(t);
+    if (v.writes) {
+      sleeping_writers_.push_back({v, waits.time});
+    } else {
+      sleeping_readers_.push_back({v, waits.time});
+    }
+    return waits;
   }
   std::optional<double> resume(const Visitor& v, double t) override {
     // Readers, and a writer after readers, were let in by whoever woke them.
     if (!v.writes) return t;
-    if (handed_to_ != v.thread) return try_write(v, line_.write(machine_, v.core, t));
-    handed_to_ = kNobody;
-    return t;
+    if (handed_to_ == v.thread) {
+      handed_to_ = kNobody;
+      return t;
+    }
+    t = line_.write(machine_, v.core, t);
+    if (try_write()) return t;
+    sleeping_writers_.push_back({v, t});
+    return std::nullopt;
   }
   double leave(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
@@ -200,7 +221,7 @@ class FutexRw final : public Model {
     for (const Waiting& reader : sleeping_readers_) {
       ++readers_;
       wake_(reader.visitor.thread, awake(reader, t));
-      t += costs_.wake_call_ns;
+      t += call_ns(reader, t);
     }
     sleeping_readers_.clear();
     return t;
@@ -209,18 +230,16 @@ class FutexRw final : public Model {
  private:
   static constexpr unsigned kNobody = ~0u;
 
-  std::optional<double> try_write(const Visitor& v, double t) {
-    if (readers_ == 0 && !has_writer_) {
-      has_writer_ = true;
-      return t;
-    }
-    sleeping_writers_.push_back({v, t + costs_.park_ns});
-    return std::nullopt;
+  bool try_write() {
+    if (readers_ != 0 || has_writer_) return false;
+    has_writer_ = true;
+    return true;
   }
   double wake_writer(double t) {
-    wake_(sleeping_writers_.front().visitor.thread, awake(sleeping_writers_.front(), t));
+    const Waiting writer = sleeping_writers_.front();
     sleeping_writers_.pop_front();
-    return t + costs_.wake_call_ns;
+    wake_(writer.visitor.thread, awake(writer, t));
+    return t + call_ns(writer, t);
   }
 
   unsigned readers_ = 0, handed_to_ = kNobody;
@@ -234,11 +253,12 @@ class SpinningRw : public Model {
  public:
   using Model::Model;
 
-  std::optional<double> enter(const Visitor& v, double t) override {
+  Arrival enter(const Visitor& v, double t) override {
     t = v.writes ? write_word(v, t) : read_word(v, t);
-    if (try_enter(v)) return t;
-    (v.writes ? writers_ : waiting_readers_).push_back({v, t});
-    return std::nullopt;
+    if (try_enter(v)) return {t, true};
+    const Arrival waits = waits_from(t);
+    (v.writes ? writers_ : waiting_readers_).push_back({v, waits.time});
+    return waits;
   }
   std::optional<double> resume(const Visitor& v, double t) override {
     if (!try_enter(v)) return std::nullopt;
@@ -295,7 +315,7 @@ class SpinRw final : public SpinningRw {
   const Backoff& backoff() const noexcept override { return kOneTbb; }
 };
 
-class DistributedRw final : public SpinningRw {
+class DistributedReaders final : public SpinningRw {
  public:
   using SpinningRw::SpinningRw;
 
@@ -346,7 +366,7 @@ std::unique_ptr<VirtualLock> make_lock(LockKind kind, const MachineModel& machin
     case LockKind::spin_rw:
       return std::make_unique<SpinRw>(machine, costs, seed, std::move(wake));
     case LockKind::distributed_rw:
-      return std::make_unique<DistributedRw>(machine, costs, seed, std::move(wake));
+      return std::make_unique<DistributedReaders>(machine, costs, seed, std::move(wake));
   }
   return nullptr;
 }

@@ -2,10 +2,12 @@
 //
 // A model is told of a thread that comes (`enter`) and one that goes (`leave`); it answers with the time at which the
 // thread goes on, or, if it has to wait, calls `wake` for it later with the time at which it tries again (`resume`).
-// What a lock costs that nobody contends for is in the measured cost of the operation; here is what comes on top.
+// What a lock costs that nobody contends for is in the measured cost of the operation; here is what comes on top. A
+// thread that finds it taken reads the clock and waits from then on, as caches/locks.h does when it counts.
 //
 //   mutex            glibc's: a thread that finds it taken goes to sleep in the kernel; who leaves calls the kernel to
-//                    wake one. Whoever comes before the woken one has run gets in: unfair
+//                    wake one. Whoever comes before the woken one has run gets in: unfair. The kernel looks at the word
+//                    again before it lets a thread sleep; if the lock was given back until then, the call returns
 //   spin             test-and-test-and-set: waiters read the word until it is free and then try at once; one of them
 //                    gets it, whoever leaves may be back before. Each hand-over moves the line to those that wait in
 //                    vain, too (Anderson, The Performance of Spin Lock Alternatives for Shared-Memory Multiprocessors,
@@ -17,6 +19,7 @@
 //   distributed_rw   readers write a line of their own and read the writer's; a writer looks at all of them
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -29,17 +32,22 @@
 namespace icbench {
 
 enum class LockKind : std::uint8_t { none, mutex, spin, queue, futex_rw, spin_rw, distributed_rw };
+inline constexpr std::size_t kLockKinds = 7;
 
 /// What waiting costs, nanoseconds; measured by the calibration. The defaults are of the order of what was measured on
 /// virtual machines.
 struct WaitCosts {
-  double park_ns = 700.0;          ///< from finding the lock taken to being asleep
+  double park_ns = 700.0;   ///< a call to the kernel to sleep, or to wake, that has nothing to do
+  double check_ns = 500.0;  ///< of it, until the kernel has looked at the word: who lets go later has to wake
   double wake_call_ns = 1'000.0;   ///< of the thread that wakes another
   double wake_delay_ns = 5'000.0;  ///< from the call to the woken thread's running
   double pause_ns = 20.0;          ///< one turn of a spin loop
   double yield_ns = 400.0;         ///< giving up the processor with nobody there to take it
   double clock_ns = 30.0;          ///< reading the clock: who has waited does so while it holds the lock
   double start_ns = 10'000.0;      ///< of starting a thread
+  /// By LockKind: taking a lock that is free and giving it back, which is in the measured cost of an operation. Half of
+  /// it is before the lock is held, half after.
+  std::array<double, kLockKinds> lock_ns{};
 };
 
 /// A thread that comes to a lock.
@@ -48,14 +56,19 @@ struct Visitor {
   bool writes;
 };
 
+/// Of a thread that comes: when it is in, or since when it waits.
+struct Arrival {
+  double time;
+  bool is_in;
+};
+
 class VirtualLock {
  public:
   /// Tells the scheduler to call resume(thread) at a time.
   using Wake = std::function<void(unsigned thread, double time)>;
 
   virtual ~VirtualLock() = default;
-  /// When the thread is in, or nothing: it waits.
-  virtual std::optional<double> enter(const Visitor& v, double t) = 0;
+  virtual Arrival enter(const Visitor& v, double t) = 0;
   /// A thread that was woken tries again. When it is in, or nothing: it goes on waiting.
   virtual std::optional<double> resume(const Visitor& v, double t) = 0;
   /// When the thread that leaves goes on.

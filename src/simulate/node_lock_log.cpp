@@ -1,5 +1,6 @@
-// The cache with a lock per node again, with locks that tell which they are: node_lock as it ships but for the word.
+// The caches with a lock per node or region again, with locks that tell which they are: as they ship but for the word.
 #include "caches/direct.h"
+#include "caches/packed_octree.h"
 #include "caches/ward_tree.h"
 #include "simulate/engine.h"
 
@@ -30,9 +31,12 @@ std::vector<const void*>& LockLog::words() {
   return words;
 }
 
-std::unique_ptr<SteppedCache> make_logged_node_locks(const CacheConfig& config) {
-  using Cache = Direct<WardTree<PlainSync, SpinNodeLock<LoggedSync>>, WithCounters>;
-  return std::make_unique<SteppedOf<Cache>>(config);
+std::unique_ptr<SteppedCache> make_logged_node_locks(const CacheTraits& traits, const CacheConfig& config) {
+  using Locks = SpinNodeLock<LoggedSync>;
+  using PackedNodes = Packed<PlainSync, AtFirstSight, SimdLanes, Locks>;
+  if (traits.structure == PackedNodes::kStructure)
+    return std::make_unique<SteppedOf<Direct<PackedNodes, WithCounters>>>(config);
+  return std::make_unique<SteppedOf<Direct<WardTree<PlainSync, Locks>, WithCounters>>>(config);
 }
 
 }  // namespace icbench

@@ -46,9 +46,19 @@ void require_simulated(const SimulationRequest& request) {
 
 struct Simulation::PlanData {
   std::size_t workload = 0;
-  std::unique_ptr<SyntheticPlan> synthetic;
-  std::unique_ptr<TracePlan> trace;
+  std::unique_ptr<SyntheticPlan> synthetic, synthetic_without_work;  // the second if it is another
+  std::unique_ptr<TracePlan> trace, trace_without_work;
   std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
+};
+
+/// Threads that measure.
+struct Simulation::Teams {
+  explicit Teams(const Topology& topology) : one(topology, Placement::compact, 1), work(Work::calibrate()) {
+    if (topology.units().size() >= 2) two = std::make_unique<ThreadTeam>(topology, Placement::compact, 2);
+  }
+  ThreadTeam one;
+  std::unique_ptr<ThreadTeam> two;  // where there are two units
+  Work work;
 };
 
 Simulation::~Simulation() = default;
@@ -56,7 +66,7 @@ Simulation::~Simulation() = default;
 Simulation::Simulation(SimulationRequest request, const Topology& topology, Calibration calibration)
     : request_(std::move(request)), topology_(topology), calibration_(std::move(calibration)) {
   require_simulated(request_);
-  request_.machine.transfers = request_.transfers.value_or(calibration_.transfers);
+  for (const WorkloadSpec& spec : request_.workloads) workload_keys_.push_back(workload_key(spec));
 }
 
 std::string Simulation::name_of(const SimulationPoint& p) const {
@@ -79,65 +89,95 @@ Simulation::PlanData& Simulation::plan(std::size_t workload) {
   return *plan_;
 }
 
+CalibratedPlan Simulation::plan_without_work(std::size_t workload) {
+  PlanData& data = plan(workload);
+  WorkloadSpec spec = request_.workloads[workload];
+  CalibratedPlan out{nullptr, nullptr, workload_keys_[workload]};
+  if (spec.kind == WorkloadKind::trace) {
+    if (data.trace_without_work == nullptr)
+      data.trace_without_work = std::make_unique<TracePlan>(read_trace(spec.file), 0.0);
+    out.trace = data.trace_without_work.get();
+  } else if (spec.kind == WorkloadKind::miss_driven) {
+    if (data.synthetic_without_work == nullptr) {
+      spec.cost_us = 0.0;
+      data.synthetic_without_work =
+          std::make_unique<SyntheticPlan>(spec, RayTracer(make_scene(spec.scene)), request_.seed);
+    }
+    out.synthetic = data.synthetic_without_work.get();
+  } else {
+    out.synthetic = data.synthetic.get();
+  }
+  return out;
+}
+
+Simulation::Teams& Simulation::teams() {
+  if (teams_ == nullptr) teams_ = std::make_unique<Teams>(topology_);
+  return *teams_;
+}
+
+std::string Simulation::key(const SimulationPoint& point) const {
+  return key_of(point.cache->traits.name, workload_keys_[point.workload]);
+}
+
 void Simulation::complete_calibration(const std::function<void(const std::string&)>& tell) {
-  std::unique_ptr<ThreadTeam> one, two;
-  std::optional<Work> work;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) {
-    WorkloadSpec spec = request_.workloads[w];
-    const std::string key = workload_key(spec);
-    CalibratedPlan calibrated{nullptr, nullptr, key};
-    std::unique_ptr<SyntheticPlan> without_work;
-    std::unique_ptr<TracePlan> trace_without_work;
     for (const std::string& name : request_.caches) {
-      const CacheEntry& cache = find_cache(name);
-      if (calibration_.costs.contains(key_of(name, key))) continue;
+      const SimulationPoint point{w, &find_cache(name), 1};
+      if (calibration_.costs.contains(key(point))) continue;
+      const std::string& workload = request_.workloads[w].name;
       if (calibration_.host_name != request_.host_name) {
         throw std::runtime_error(
             fmt::format("calibration '{}' is of machine '{}' and has no costs of {} under '{}'; measure them "
                         "there, or give "
                         "--recalibrate",
-                        request_.calibration_path, calibration_.host_name, name, spec.name));
+                        request_.calibration_path, calibration_.host_name, name, workload));
       }
-      tell(fmt::format("{}, {}", spec.name, name));
-      if (one == nullptr) {
-        one = std::make_unique<ThreadTeam>(topology_, Placement::compact, 1);
-        if (topology_.units().size() >= 2)
-          two = std::make_unique<ThreadTeam>(topology_, Placement::compact, 2);
-        work = Work::calibrate();
-      }
-      if (spec.kind == WorkloadKind::trace && trace_without_work == nullptr) {
-        trace_without_work = std::make_unique<TracePlan>(read_trace(spec.file), 0.0);
-        calibrated.trace = trace_without_work.get();
-      } else if (spec.kind == WorkloadKind::miss_driven && without_work == nullptr) {
-        spec.cost_us = 0.0;
-        without_work =
-            std::make_unique<SyntheticPlan>(spec, RayTracer(make_scene(spec.scene)), request_.seed);
-        calibrated.synthetic = without_work.get();
-      } else if (spec.kind != WorkloadKind::trace && spec.kind != WorkloadKind::miss_driven) {
-        calibrated.synthetic = plan(w).synthetic.get();
-      }
-      calibration_.costs[key_of(name, key)] =
-          calibrate_cache(cache, calibrated, *one, two.get(), *work, calibration_, request_.seed);
+      tell(fmt::format("{}, {}", workload, name));
+      Teams& t = teams();
+      calibration_.costs[key(point)] = calibrate_cache(*point.cache, plan_without_work(w), t.one, t.two.get(),
+                                                       t.work, calibration_, request_.seed);
       write_calibration(calibration_, request_.calibration_path);
     }
   }
 }
 
+Moment Simulation::calibrated(const SimulationPoint& point) const {
+  return {calibration_.transfers, calibration_.waits, calibration_.costs.at(key(point))};
+}
+
+Moment Simulation::measured_now(const SimulationPoint& point, unsigned repetition) {
+  Moment out = calibrated(point);
+  Teams& t = teams();
+  if (t.two != nullptr) {
+    const double then = out.transfers.ns[0];
+    measure_contention(*t.two, out.transfers, out.waits);
+    if (then > 0.0) out.costs.operations.fresh_ns *= out.transfers.ns[0] / then;
+  }
+  out.costs = costs_now(out.costs, *point.cache, plan_without_work(point.workload), t.one, t.work,
+                        hash_keys(request_.seed, repetition, 8));
+  return out;
+}
+
 Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
+  return run(point, repetition, calibrated(point));
+}
+
+Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const Moment& moment) {
   const WorkloadSpec& spec = request_.workloads[point.workload];
   PlanData& data = plan(point.workload);
   const std::uint64_t seed = hash_keys(request_.seed, repetition, 8);  // as Sweep's
   MachineModel machine = request_.machine;
   machine.cores = point.cores;
+  machine.transfers = request_.transfers.value_or(moment.transfers);
   const Mechanism mechanism = mechanism_of(point.cache->traits);
   const auto program =
       data.trace ? simulated_program(*data.trace) : simulated_program(*data.synthetic, point.cores, seed);
   const CacheConfig config = program->config(point.cores);
-  const auto cache = mechanism.locks_nodes ? make_logged_node_locks(config) : point.cache->stepped(config);
-  const std::string key = key_of(point.cache->traits.name, workload_key(spec));
-  const CacheCosts& costs = calibration_.costs.at(key);
+  const auto cache = mechanism.node_locks == Mechanism::NodeLocks::none
+                         ? point.cache->stepped(config)
+                         : make_logged_node_locks(point.cache->traits, config);
   const SimulatedOutcome o =
-      simulate(*program, *cache, {machine, calibration_.waits, costs, mechanism, seed});
+      simulate(*program, *cache, {machine, moment.waits, moment.costs, mechanism, seed});
 
   Entry entry;
   entry.name = name_of(point);
@@ -149,7 +189,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
   auto& c = entry.counters;
   c["simulated"] = true;
-  c["validated_to_threads"] = calibration_.validation && calibration_.validation->holds_for(key)
+  c["validated_to_threads"] = calibration_.validation && calibration_.validation->holds_for(key(point))
                                   ? calibration_.validation->threads
                                   : 0;
   c["calibration"] = request_.calibration_path;

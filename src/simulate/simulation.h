@@ -42,6 +42,13 @@ struct SimulationPoint {
 /// In order. Caches for a single thread appear with one core only.
 std::vector<SimulationPoint> simulation_points(const SimulationRequest& request);
 
+/// What the calibration says of a point, at one moment.
+struct Moment {
+  Transfers transfers;
+  WaitCosts waits;
+  CacheCosts costs;
+};
+
 class Simulation {
  public:
   /// Throws as require_simulated does.
@@ -61,15 +68,29 @@ class Simulation {
 
   /// One point; the operations are those of a sweep with the same seed in its repetition `repetition`.
   Entry run(const SimulationPoint& point, unsigned repetition = 0);
+  /// The same by other costs.
+  Entry run(const SimulationPoint& point, unsigned repetition, const Moment& moment);
+
+  /// What the calibration, which must be complete, has of the point.
+  Moment calibrated(const SimulationPoint& point) const;
+  /// The same as it is now: by a trial on one thread, and two threads that wait for each other.
+  Moment measured_now(const SimulationPoint& point, unsigned repetition);
 
  private:
   struct PlanData;
+  struct Teams;
   PlanData& plan(std::size_t workload);
+  /// Without work; of `plan` as far as it has none.
+  CalibratedPlan plan_without_work(std::size_t workload);
+  Teams& teams();
+  std::string key(const SimulationPoint& point) const;
 
   SimulationRequest request_;
   const Topology& topology_;
   Calibration calibration_;
+  std::vector<std::string> workload_keys_;
   std::unique_ptr<PlanData> plan_;
+  std::unique_ptr<Teams> teams_;
 };
 
 /// Throws std::runtime_error with one line for a workload or a cache that cannot be simulated, a trace that cannot be
