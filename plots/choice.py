@@ -124,9 +124,9 @@ class Choice:
 
 
 def tails(setup: Setup) -> tuple[int, dict[str, float]]:
-    """The slowest query in a thousand, ns, with more threads than processing units: how many, and by cache the geometric
-    mean over the workloads that all caches ran. It tells what the caches do to threads that are put to sleep, in
-    which mechanisms of one speed differ.
+    """The slowest query in a thousand, ns, with more threads than processing units: how many, and by cache the
+    geometric mean over the workloads that all caches ran. It tells what the caches do to threads that are put to
+    sleep, in which mechanisms of one speed differ.
     """
     rows = cache_rows(setup)
     if "latency_query_p999_ns" not in rows:
