@@ -9,7 +9,7 @@ import unittest
 import numpy as np
 import pandas as pd
 
-from plots_support import InFolder, few_caches, kFewWorkloads, model_results, run, write_results
+from plots_support import InFolder, few_caches, kFewWorkloads, model_results, model_simulated, run, write_results
 
 import choice
 import choice_page
@@ -222,13 +222,13 @@ class Choice(InFolder):
 
     def test_simulated_rows_are_kept_apart_from_measured_ones(self):
         measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
-        simulated = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 256),
-                                  errors=False, repetitions=1)
-        for row in simulated["benchmarks"]:
-            row["name"] = row["name"].replace("sweep/", "simulate/")
-            row |= {"simulated": True, "validated_to_threads": 8}
+        simulated = model_simulated((1, 256), 8, workloads=("miss_driven:cost=1",))
         paths = [write_results(self.folder / "m.json", measured), write_results(self.folder / "s.json", simulated)]
-        setup, = results.load(paths)
+        setup, = results.load([paths[1], paths[0]])
+        self.assertEqual(setup.simulated_paths, paths[1:])
+        # What a simulation says of its virtual machine is nothing to warn of, nor a difference of what was measured.
+        self.assertNotIn("virtual_machine", setup.context)
+        self.assertFalse([remark for remark in setup.remarks if "differ" in remark])
         self.assertEqual(len(setup.rows), len(measured["benchmarks"]))
         self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
         self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
