@@ -247,6 +247,19 @@ class Choice(InFolder):
         self.assertTrue(setup.simulated.empty)
         self.assertIn("simulated rows of t.json come from a machine or build of which nothing", setup.remarks[-1])
 
+    def test_simulated_files_of_different_settings_may_come_together(self):
+        measured = self.results(workloads=kFewWorkloads[1:], threads=(1, 8))
+        first = model_simulated((1, 256), 8, workloads=kFewWorkloads[1:])
+        second = model_simulated((1,), 0, workloads=("miss_driven:cost=10",))
+        setup, = results.load([measured, *(write_results(self.folder / f"{number}.json", data)
+                                           for number, data in enumerate((first, second)))])
+        made = choice.choice(setup)
+        mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+        for cost, known in ((64, True), (30, False)):
+            found = choice.answer(made, mechanisms, cost, 256, None)
+            self.assertEqual(found.certainty, "simulated")
+            self.assertEqual(math.isfinite(found.lines[0].loss[0]), known, cost)
+
     def test_tails_are_those_of_more_threads_than_processing_units(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 8, 32), errors=False)
         for row in data["benchmarks"]:
