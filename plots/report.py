@@ -195,7 +195,8 @@ def _simulated(setup: Setup, folder: Path, out: Path, prefix: str) -> str:
     for one in found:
         drawn, left_out = _draw(SIMULATED_FIGURES, one, folder_of(one, found, folder))
         own = prefix if len(found) == 1 else f"{prefix}{one.slug}-"
-        shown = "".join(_figure(done.figure.title, done, own, out) for done in drawn)
+        file = "" if len(found) == 1 else f": {one.path.name}"
+        shown = "".join(_figure(done.figure.title + file, done, own, out) for done in drawn)
         made += simulated_page.about(one) + shown + "".join(map(note_line, left_out)) + simulated_page.compared(one)
     return simulated_page.kLead + made if made else ""
 

@@ -48,10 +48,15 @@ class Simulated:
         return str(self.calibration.get("host_name") or self.context.get("host_name") or "the machine")
 
     @property
+    def place(self) -> str:
+        """Where it was validated: a calibration may come from elsewhere."""
+        return "this machine" if self.host == self.context.get("host_name", self.host) else self.host
+
+    @property
     def said(self) -> str:
         """What every picture of it has to say."""
         threads = int(pd.to_numeric(self.rows["validated_to_threads"], errors="coerce").fillna(0).min())
-        return (f"simulated, validated to {style.threads_text(threads)} on this machine" if threads
+        return (f"simulated, validated to {style.threads_text(threads)} on {self.place}" if threads
                 else "simulated, not validated")
 
 

@@ -11,8 +11,8 @@ from simulated import Simulated
 from tables import note_line, table, text
 
 kTitle = "Simulated: what more cores would do"
-kLead = ("<p>Nothing in this part was measured, and no other figure or table of this page takes any of it; the first "
-         "question's answers do past the machine's cores, and then say so. <code>icbench simulate</code> carries out "
+kLead = ("<p>No line drawn in this part was measured, and no other figure or table of this page takes any of it; the "
+         "first question's answers do past the machine's cores, and then say so. <code>icbench simulate</code> carries out "
          "the caches' operations in virtual time on cores that are not there.</p>")
 
 
@@ -29,7 +29,7 @@ def _validated(one: Simulated) -> str:
         return "not validated when they were made; how far they are from measured ones stands below"
     if known.empty:
         return "not validated: nobody has found such figures near measured ones"
-    said = f"validated to {style.threads_text(int(known.min()))} on this machine"
+    said = f"validated to {style.threads_text(int(known.min()))} on {one.place}"
     if len(known) < len(cells):
         return f"{said}, but {len(cells) - len(known)} of {len(cells)} pairs of cache and workload not at all"
     validation = one.calibration.get("validation")
@@ -68,7 +68,7 @@ def compared(one: Simulated) -> str:
     head = ('<th>cache</th><th>workload</th><th class="n">threads</th><th class="n">measured, M operations/s</th>'
             '<th class="n">simulated, M operations/s</th><th class="n">off by, %</th>')
     note = ("Medians; off by: the median of the rounds' ratios, which need not be the ratio of the two medians. One "
-            "thread's costs are what the simulation starts from, so that it is near there proves nothing")
+            "thread's costs are what the simulation starts from, so that to be near there proves nothing")
     several = rows.loc[rows["threads"] > 1, "error_items_per_second"]
     if len(several):
         note = (f"With several threads off by {style.number(100 * several.median())} % in the median of "

@@ -456,6 +456,9 @@ class Simulated(InFolder):
                 self.assertTrue(axes.lines)
                 for line in [*axes.lines, *plate.handles(style.kReport)]:
                     self.assertTrue(line.is_dashed(), line)
+        one.rows["validated_to_threads"] = 2
+        one.context["calibration"]["host_name"] = "another"
+        self.assertEqual(one.said, "simulated, validated to 2 threads on another")
         self.good("simulated.py", path, "--out", self.folder)
         for line in read_csv(self.folder / "simulated.csv"):
             self.assertEqual((line["simulated"], line["validated_to_threads"]), ("True", "0"))
