@@ -90,10 +90,10 @@ def build(measured: Measured) -> Built:
 
 FIGURE = Figure(
     "anatomy_map", "What a query reads",
-    "Both structures hold the same records, and answer with the same ones: the blue dots, whose circles hold the query. "
-    "Hollow dots are records that had to be read only to find that they do not count. Ward's structure knows only how "
-    "large a record is and roughly where; the packed one keeps a few bytes of each record in every cell that it "
-    "reaches, and so reads little else than what is valid.",
+    "Both structures hold the same records, and answer with the same ones: the blue dots, whose circles hold the "
+    "query. Hollow dots are records that had to be read only to find that they do not count. Ward's structure knows "
+    "only how large a record is and roughly where; the packed one keeps a few bytes of each record in every cell that "
+    "it reaches, and so reads little else than what is valid.",
     build)
 
 if __name__ == "__main__":

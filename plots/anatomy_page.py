@@ -51,8 +51,8 @@ def sentences(table: pd.DataFrame) -> str:
         left = _ratio(part, "packed_wait_free", "told")
         if left is not None:
             said += (f" A query that is told which records are valid, and only reads, weighs and adds them, is another "
-                     f"{style.number(left)} times as fast: no structure can gain more than that, as long as one query is "
-                     "answered after the other.")
+                     f"{style.number(left)} times as fast: no structure can gain more than that, as long as one query "
+                     "is answered after the other.")
         made += f"<p><b>{text(said)}</b></p>"
     return made
 
@@ -64,10 +64,10 @@ def waits(latency: pd.DataFrame) -> str:
     near, far = latency.iloc[0], latency.iloc[-1]
     size = {name: f"{style.number(line['block_bytes'] / 2**20)} MiB" for name, line in (("near", near), ("far", far))}
     return (f"<p>Why so: a load that has to wait for the one before takes "
-            f"{interval(near['median'], near['low'], near['high'])} ns on this machine from a block of {size['near']} and "
-            f"{interval(far['median'], far['low'], far['high'])} ns from one of {size['far']}. A packed query waits for its "
-            "cell and then for the records that the cell's lanes leave: at points far from one another that is memory "
-            "twice, whatever is computed in between; at points of an image most of it is at hand.</p>")
+            f"{interval(near['median'], near['low'], near['high'])} ns on this machine from a block of {size['near']} "
+            f"and {interval(far['median'], far['low'], far['high'])} ns from one of {size['far']}. A packed query "
+            "waits for its cell and then for the records that the cell's lanes leave: at points far from one another "
+            "that is memory twice, whatever is computed in between; at points of an image most of it is at hand.</p>")
 
 
 def numbers(everything: pd.DataFrame) -> str:

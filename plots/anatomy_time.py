@@ -44,17 +44,17 @@ def build(measured: Measured) -> Built:
               for name, part in table.groupby("points", sort=False)]
     records = int(table["records"].max())
     height = 0.27 * table["part"].nunique() + 0.2
-    foot = (f"One thread, {records:,} records, read-only. In brackets: how many times as fast as the first. Hatched: what "
-            "bounds a query, no caches. Lines: 95 % bootstrap intervals of the median.")
+    foot = (f"One thread, {records:,} records, read-only. In brackets: how many times as fast as the first. Hatched: "
+            "what bounds a query, no caches. Lines: 95 % bootstrap intervals of the median.")
     return Built(table, [Plate("", "Time of one query", panels, lambda layout: [], "nanoseconds", "", foot, (2, 1),
                                (height, height), (1.3, 1.1))])
 
 
 FIGURE = Figure(
     "anatomy_time", "Where the time of a query goes",
-    "Every bar is the time of one query on one thread; from bar to bar one thing changes. The first is the structure of "
-    "the thesis, the blue ones are the packed octree's. The hatched bars are no caches, but what bounds one: a structure "
-    "that can no longer change, and a query that is told beforehand which records are valid.",
+    "Every bar is the time of one query on one thread; from bar to bar one thing changes. The first is the structure "
+    "of the thesis, the blue ones are the packed octree's. The hatched bars are no caches, but what bounds one: a "
+    "structure that can no longer change, and a query that is told beforehand which records are valid.",
     build)
 
 if __name__ == "__main__":

@@ -124,9 +124,9 @@ class Choice:
 
 
 def tails(setup: Setup) -> tuple[int, dict[str, float]]:
-    """The slowest query in a thousand, ns, with more threads than processing units: how many, and by cache the geometric
-    mean over the workloads that all caches ran. It tells what the caches do to threads that are put to sleep, in
-    which mechanisms of one speed differ.
+    """The slowest query in a thousand, ns, with more threads than processing units: how many, and by cache the
+    geometric mean over the workloads that all caches ran. It tells what the caches do to threads that are put to
+    sleep, in which mechanisms of one speed differ.
     """
     rows = cache_rows(setup)
     if "latency_query_p999_ns" not in rows:
@@ -367,8 +367,9 @@ def answer(made: Choice, mechanisms: dict[str, str], x: float, threads: int, acc
     ratios = _intervals((times[caches].div(best, axis=0)).to_numpy().T, plane.refits)
     losses = [(math.nan, math.nan, math.nan)] * len(caches)
     alone = _base(made, plane, where)
-    if alone is not None:
-        single = alone[alone.median().idxmin()]
+    ones = pd.Series(dtype=float) if alone is None else alone.median().dropna()
+    if len(ones):  # between settings of different files there are no pairs, and so no times
+        single = alone[ones.idxmin()]
         if plane.refits:
             share = 1 - single.median() / (threads * times[caches])
         else:

@@ -200,8 +200,8 @@ def section(setup: Setup, prefix: str) -> str:
     return (f'<div class="choice" data-from="{identity}">{_form(setup, made)}</div>{known}'
             f'<details class="plain" open><summary>The answers for round numbers ({text("; ".join(sources))})</summary>'
             f'<p class="note">Bold: the access mechanism that took least time, by its fastest cache; ≈ what could not '
-            f"be told from it by more than {_trifle(kMeasured)} % (where simulated, {_trifle(kSimulated)} %). × is time "
-            f"over that of the fastest, with its 95 % interval. Sharing loses what one thread alone "
+            f"be told from it by more than {_trifle(kMeasured)} % (where simulated, {_trifle(kSimulated)} %). × is "
+            f"time over that of the fastest, with its 95 % interval. Sharing loses what one thread alone "
             f"would not have needed. A mechanism stands for its fastest cache, whatever its structure; what mechanisms "
             f"cost on one and the same structure, the figures tell.{coarse}</p>"
             f'{static_table(setup, made)}{error_table(made)}{"".join(map(note_line, notes))}</details>')

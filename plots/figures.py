@@ -13,6 +13,7 @@ import redundant_records
 import repeatability
 import run_differences
 import scaling_law
+import simulated
 import speed_error
 import speedup
 import steps
@@ -41,6 +42,8 @@ ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
 COMPARISON_FIGURES = [run_differences.FIGURE]
 # Of what icbench preempt measured.
 PREEMPTION_FIGURES = [preemption.FIGURE]
+# Of what icbench simulate made: nothing that was measured.
+SIMULATED_FIGURES = [simulated.FIGURE]
 # Of one trial each.
 TIMELINE_FIGURES = [timeline.FIGURE]
 # Of what was checked.

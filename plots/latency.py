@@ -54,8 +54,8 @@ def build(setup: Setup) -> Built:
         plates.append(Plate(group.slug, group.title, panels,
                             lambda layout, caches=caches: cache_handles(caches, layout),
                             "percentile of operations", "latency",
-                            f"{interval_note(drawn)} Markers: the longest of all that were timed.", (4, 2), (1.65, 1.05),
-                            (0.46, 0.33)))
+                            f"{interval_note(drawn)} Markers: the longest of all that were timed.", (4, 2),
+                            (1.65, 1.05), (0.46, 0.33)))
     left_out = sorted(set(table["threads"]) - set(marks))
     if left_out:
         notes.append("drawn at all cores and at about four threads a core; the CSV has every thread count")

@@ -18,7 +18,8 @@ def _stalled(measured: Measured, caches: list[str], keys: dict) -> str:
     for name, value in keys.items():
         rows = rows[rows[name] == value]
     shares = rows[rows["held"]].groupby("cache")["stalled_share"].median()
-    said = [f"{style.short_name(cache)} {style.number(100 * shares[cache], 2)} %" for cache in caches if cache in shares]
+    said = [f"{style.short_name(cache)} {style.number(100 * shares[cache], 2)} %"
+            for cache in caches if cache in shares]
     return "Of the others' time with a thread held, in operations that took over half a hold: " + ", ".join(said) + "."
 
 

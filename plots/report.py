@@ -28,6 +28,8 @@ import preemption_page
 import preemption_results
 import repeatability_page
 import repeatability_results
+import simulated
+import simulated_page
 import tables
 import timeline_page
 import timeline_results
@@ -35,7 +37,7 @@ from cautions import cautions
 from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
 from figures import (ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES,
-                     PREEMPTION_FIGURES, REPEATABILITY_FIGURES, TIMELINE_FIGURES)
+                     PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES, TIMELINE_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -158,7 +160,8 @@ def _environment(setup: Setup, command: str) -> str:
         ran = shlex.join(map(str, ran)) if isinstance(ran, list) else ran
         lines = "".join(f'<tr><td>{text(key)}</td><td class="raw">{text(_shown(value))}</td></tr>'
                         for key, value in context.items() if key != "command_line")
-        out += (f"<h3>{text(path)}</h3><p>Measured with</p><pre>{text(ran)}</pre>"
+        made = "Simulated" if context.get("simulated") else "Measured"
+        out += (f"<h3>{text(path)}</h3><p>{made} with</p><pre>{text(ran)}</pre>"
                 f"<table><tbody>{lines}</tbody></table>")
     return out
 
@@ -186,6 +189,17 @@ def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]
     return drawn, left_out
 
 
+def _simulated(setup: Setup, folder: Path, out: Path, prefix: str) -> str:
+    """What icbench simulate says of this machine with more cores, file by file; "" where no file does."""
+    made, found = "", simulated.load(setup.simulated_paths)
+    for one in found:
+        drawn, left_out = _draw(SIMULATED_FIGURES, one, folder_of(one, found, folder))
+        own = prefix if len(found) == 1 else f"{prefix}{one.slug}-"
+        shown = "".join(_figure(done.figure.title, done, own, out) for done in drawn)
+        made += simulated_page.about(one) + shown + "".join(map(note_line, left_out)) + simulated_page.compared(one)
+    return simulated_page.kLead + made if made else ""
+
+
 def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, further: dict[str, str]) -> str:
     """Everything about one setup; its figures are written to `folder`, which lies in `out`. `further`: links to
     the rest of the page, name by anchor.
@@ -205,6 +219,7 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
         ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
         ("explore", "Explore", "Explore", False, explorer.section(setup, prefix)),
         ("figures", "Figures", "Figures", True, figures),
+        ("more-cores", simulated_page.kTitle, "Simulated", True, _simulated(setup, folder, out, prefix)),
         ("tables", "Tables", "Tables", True, numbers),
         ("environment", "Environment", "Environment", True, _environment(setup, command))]
     parts = [part for part in parts if part[4]]

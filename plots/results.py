@@ -61,6 +61,7 @@ class Setup:
     rows: pd.DataFrame  # measured ones
     remarks: list[str] = field(default_factory=list)
     simulated: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of icbench simulate: never drawn as measured
+    simulated_paths: list[Path] = field(default_factory=list)      # what they are from
 
     def _topology(self, *names: str) -> int | None:
         """A count of what the run was allowed to use, else of the whole machine."""
@@ -96,8 +97,8 @@ class Setup:
 
     @property
     def complete(self) -> bool | None:
-        """False as soon as one file says so; None when none of them says anything."""
-        said = [c["complete"] for c in self.contexts if "complete" in c]
+        """False as soon as one measured file says so; None when none of them says anything."""
+        said = [c["complete"] for c in self.contexts if "complete" in c and not c.get("simulated")]
         return all(_truth(s) for s in said) if said else None
 
 
@@ -202,8 +203,8 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         return rows
     rows["simulated"] = simulated = [is_simulated(e) for e in entries if e.get("run_type", "iteration") == "iteration"]
     if any(simulated):
-        remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of the figures: they were not "
-                       "measured; plots/simulated.py draws them")
+        remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of all figures of measurements: "
+                       "they were not measured, and are drawn by themselves")
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
     if failed.any():
         remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")
@@ -309,8 +310,11 @@ def load(paths) -> list[Setup]:
                                        (rows[~rows["simulated"]], rows[rows["simulated"]]))
         if setup.rows.empty:
             continue
-        keys = set().union(*setup.contexts) - kFreeKeys
-        unequal = sorted(k for k in keys if len({_identity(c, [k]) for c in setup.contexts}) > 1)
+        setup.simulated_paths = [p for p, f in zip(setup.paths, frames[key]) if not f.empty and f["simulated"].any()]
+        contexts = [c for c, f in zip(setup.contexts, frames[key]) if f.empty or not f["simulated"].all()]
+        setup.context = contexts[0]
+        keys = set().union(*contexts) - kFreeKeys
+        unequal = sorted(k for k in keys if len({_identity(c, [k]) for c in contexts}) > 1)
         if unequal:
             setup.remarks.append("the pooled files differ in " + ", ".join(unequal))
         setups.append(setup)

@@ -104,9 +104,9 @@ FIGURE = Figure(
     "scaling_law", "Scaling law",
     "Points are measured medians without oversubscription; the line is the Universal Scalability Law fitted to them, "
     "X(N) = γN / (1 + α(N - 1) + βN(N - 1)): γ is the throughput of one thread, α the share of the work that is "
-    "serial, β what the threads spend on agreeing with one another, which in the end makes more threads slower. On the "
-    "grey ground the line is dashed: there it is an extrapolation, and nothing was measured. The law knows nothing of "
-    "sockets and hardware threads; a machine that has a boundary beyond the last point will do worse.",
+    "serial, β what the threads spend on agreeing with one another, which in the end makes more threads slower. On "
+    "the grey ground the line is dashed: there it is an extrapolation, and nothing was measured. The law knows nothing "
+    "of sockets and hardware threads; a machine that has a boundary beyond the last point will do worse.",
     build)
 
 if __name__ == "__main__":

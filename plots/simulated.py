@@ -16,7 +16,9 @@ from over_threads import thread_axis
 from results import InputError, is_simulated, read_json, useful_rate, workload_label, workload_order
 
 kFiles = "results of icbench simulate"
-kNumbers = ("threads", "real_time", "items_per_second", "queries", "records", "redundant_records", "lock_wait_share")
+kNumbers = ("threads", "real_time", "items_per_second", "queries", "records", "redundant_records", "lock_wait_share",
+            # of --validate
+            "measured_items_per_second", "error_items_per_second", "rounds")
 # Column, title, axis, whether logarithmic.
 kMetrics = (("throughput", "Throughput", "M op/s", True),
             ("speedup", "Speed-up over the same cache on one core", "speed-up", True),
@@ -29,9 +31,21 @@ class Simulated:
     """One file."""
     label: str
     slug: str
+    path: Path
     context: dict
     rows: pd.DataFrame
     remarks: list[str] = field(default_factory=list)
+
+    @property
+    def calibration(self) -> dict:
+        """What the file says about the costs that it is from."""
+        said = self.context.get("calibration")
+        return said if isinstance(said, dict) else {}
+
+    @property
+    def host(self) -> str:
+        """Where the costs were measured."""
+        return str(self.calibration.get("host_name") or self.context.get("host_name") or "the machine")
 
     @property
     def said(self) -> str:
@@ -44,7 +58,7 @@ class Simulated:
 def load(paths) -> list[Simulated]:
     """Raises InputError for a file that holds nothing simulated."""
     found = []
-    for path in map(Path, paths):
+    for number, path in enumerate(map(Path, paths), 1):
         data = read_json(path, "icbench simulate --out FILE", "a file of icbench simulate")
         entries = data.get("benchmarks") if isinstance(data, dict) else None
         entries = [e for e in entries if isinstance(e, dict) and is_simulated(e)] if isinstance(entries, list) else []
@@ -62,7 +76,7 @@ def load(paths) -> list[Simulated]:
         rows["redundant_share"] = 100 * rows["redundant_records"] / rows["records"]
         rows["waiting_share"] = 100 * rows["lock_wait_share"]
         context = data.get("context") if isinstance(data.get("context"), dict) else {}
-        found.append(Simulated(path.stem, path.stem, context, rows))
+        found.append(Simulated(path.stem, f"simulated-{number}", path, context, rows))
     return found
 
 
@@ -100,7 +114,7 @@ def build(simulated: Simulated) -> Built:
         caches = style.cache_order(known["cache"].unique())
         plates.append(Plate(column, f"{title}: {simulated.said}", panels, partial(_handles, caches), "virtual cores",
                             unit, "Dashed: nothing here was measured. "
-                            f"Costs of operations are those of {simulated.context.get('host_name', 'the machine')}."))
+                            f"Costs of operations are those of {simulated.host}."))
     if not plates:
         raise Omitted("no row has a rate")
     table = rows[["workload", "cache", "threads", "throughput", "speedup", "redundant_share", "waiting_share",

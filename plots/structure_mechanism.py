@@ -107,7 +107,8 @@ FIGURE = Figure(
     "structure_mechanism", "Structure or mechanism",
     "The number in a cell is how many times the operations per second of the thesis's lock on the thesis's structure a "
     "cache reaches. Down a column only the mechanism changes: that is what locks cost. Along a line only the structure "
-    "changes: that is what it is worth to look for less. A fast structure under a lock may well beat a slow one without.",
+    "changes: that is what it is worth to look for less. A fast structure under a lock may well beat a slow one "
+    "without.",
     build)
 
 if __name__ == "__main__":

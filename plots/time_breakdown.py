@@ -58,8 +58,8 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, bars: list[tuple[str, 
         for name, (_, colour, hatch) in kParts.items():
             width = 100 * line.get(name, 0.0)
             if width > 0.05:
-                axes.barh(y, width, 0.86, left, color="white" if hatch else colour, edgecolor=colour if hatch else "none",
-                          hatch=hatch, linewidth=0.5 if hatch else 0, zorder=2)
+                axes.barh(y, width, 0.86, left, color="white" if hatch else colour,
+                          edgecolor=colour if hatch else "none", hatch=hatch, linewidth=0.5 if hatch else 0, zorder=2)
                 left += width
     axes.set_yticks(list(place.values()), labels)
     axes.set_ylim(max(place.values()) + 0.7, 0.3)
@@ -105,8 +105,8 @@ def build(setup: Setup) -> Built:
         names = [p for p in present if (mine.loc[mine["part"] == p, "mean"] > 0.0005).any()]
         height = 0.145 * len(bars) + 0.07 * len(group.caches) + 0.15
         plates.append(Plate(group.slug, group.title, panels, partial(_handles, names), "% of wall time × threads", "",
-                            "Numbers beside the bars: threads. Means over repetitions. What is white at the end of a bar "
-                            "is not explained by any part.", (2, 1), (height, 0.85 * height), (1.15, 0.95)))
+                            "Numbers beside the bars: threads. Means over repetitions. What is white at the end of a "
+                            "bar is not explained by any part.", (2, 1), (height, 0.85 * height), (1.15, 0.95)))
     off = table[(table["part"] == "unexplained") & (table["median"].abs() > kUnexplained)]
     if len(off):
         notes.append(f"in {len(off)} of {(table['part'] == 'unexplained').sum()} cells more than "

@@ -114,8 +114,8 @@ def build(timeline: Timeline) -> Built:
     left_out = timeline.about.get("spans_left_out")
     if left_out:
         least = timeline.about.get("shorter_spans_may_be_missing_ns", 0)
-        foot = (f"White: {left_out:,} spans shorter than {style.duration(least * 1e-9)} that were not kept, and nothing "
-                "at all.")
+        foot = (f"White: {left_out:,} spans shorter than {style.duration(least * 1e-9)} that were not kept, and "
+                "nothing at all.")
     height = 0.22 * len(drawn) + 0.1
     notes = [] if len(drawn) >= len(rows) else [f"{len(drawn)} of {len(rows)} rows are drawn"]
     return Built(table, [Plate("", title, [Panel("", partial(_draw, timeline=timeline, rows=drawn))],

@@ -9,7 +9,7 @@ import unittest
 import numpy as np
 import pandas as pd
 
-from plots_support import InFolder, few_caches, kFewWorkloads, model_results, run, write_results
+from plots_support import InFolder, few_caches, kFewWorkloads, model_results, model_simulated, run, write_results
 
 import choice
 import choice_page
@@ -222,13 +222,13 @@ class Choice(InFolder):
 
     def test_simulated_rows_are_kept_apart_from_measured_ones(self):
         measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
-        simulated = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 256),
-                                  errors=False, repetitions=1)
-        for row in simulated["benchmarks"]:
-            row["name"] = row["name"].replace("sweep/", "simulate/")
-            row |= {"simulated": True, "validated_to_threads": 8}
+        simulated = model_simulated((1, 256), 8, workloads=("miss_driven:cost=1",))
         paths = [write_results(self.folder / "m.json", measured), write_results(self.folder / "s.json", simulated)]
-        setup, = results.load(paths)
+        setup, = results.load([paths[1], paths[0]])
+        self.assertEqual(setup.simulated_paths, paths[1:])
+        # What a simulation says of its virtual machine is nothing to warn of, nor a difference of what was measured.
+        self.assertNotIn("virtual_machine", setup.context)
+        self.assertFalse([remark for remark in setup.remarks if "differ" in remark])
         self.assertEqual(len(setup.rows), len(measured["benchmarks"]))
         self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
         self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
@@ -246,6 +246,19 @@ class Choice(InFolder):
         setup, = results.load([paths[0], write_results(self.folder / "t.json", simulated)])
         self.assertTrue(setup.simulated.empty)
         self.assertIn("simulated rows of t.json come from a machine or build of which nothing", setup.remarks[-1])
+
+    def test_simulated_files_of_different_settings_may_come_together(self):
+        measured = self.results(workloads=kFewWorkloads[1:], threads=(1, 8))
+        first = model_simulated((1, 256), 8, workloads=kFewWorkloads[1:])
+        second = model_simulated((1,), 0, workloads=("miss_driven:cost=10",))
+        setup, = results.load([measured, *(write_results(self.folder / f"{number}.json", data)
+                                           for number, data in enumerate((first, second)))])
+        made = choice.choice(setup)
+        mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+        for cost, known in ((64, True), (30, False)):
+            found = choice.answer(made, mechanisms, cost, 256, None)
+            self.assertEqual(found.certainty, "simulated")
+            self.assertEqual(math.isfinite(found.lines[0].loss[0]), known, cost)
 
     def test_tails_are_those_of_more_threads_than_processing_units(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 8, 32), errors=False)

@@ -18,7 +18,7 @@ import numpy as np
 
 from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFolder, References,
                            few_caches, model_anatomy, model_caches, model_pareto, model_preempt, model_repeatability,
-                           model_results, model_timeline, model_verdicts, read_csv, run, write_results)
+                           model_results, model_simulated, model_timeline, model_verdicts, read_csv, run, write_results)
 
 import anatomy_page
 import anatomy_results
@@ -63,13 +63,37 @@ class Report(InFolder):
         self.assertIn("cornell box, cache wait_free, 250 ms", page)
         self.assertIn("broken.png is not a picture", page)
 
-    def test_inner_links_lead_somewhere(self):
-        page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False))
+    def test_machines_have_parts_of_their_own_and_so_has_what_was_simulated(self):
+        imagined = model_simulated((1, 256), 8, measured=(256,), workloads=kFewWorkloads[1:2], caches=few_caches()[1:3])
+        page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False),
+                         write_results(self.folder / "s.json", imagined))
+        self.simulated(page)
         for target in re.findall(r'href="#([^"]+)"', page):
             self.assertEqual(page.count(f'id="{target}"'), 1, target)
         self.assertIn("nothing is merged", page)
         self.assertIn('class="banner">Incomplete results (other)', page)
         self.assertIn("<code>figures/other/throughput.pdf</code>", page)
+
+    def simulated(self, page: str):
+        """One machine alone has the part, and no figure of measurements has its rows."""
+        self.assertEqual(re.findall(r'<h2 [^>]*id="([^"]*more-cores)"', page), ["model-more-cores"])
+        part = page[page.index('id="model-more-cores"'):page.index('id="model-tables"')]
+        for words in ("From <code>s.json</code>, up to 256 virtual cores; <b>validated to 8 threads on this machine</b>",
+                      "<code>costs/calibration.json</code> (measured on model, 2025-01-02)",
+                      "<code>figures/model/simulated.pdf</code>"):
+            self.assertIn(words, part)
+        drawings = re.findall(r'<img [^>]*src="([^"]{,30})[^>]*alt="([^"]*)"', part)
+        self.assertGreaterEqual(len(drawings), 3)
+        for source, title in drawings:
+            self.assertTrue(source.startswith("data:image/svg+xml;base64,"), source)
+            self.assertIn("simulated, validated to 8 threads on this machine", title)
+        lines = re.findall(r"<tr><td>(\w+)</td><td>miss driven, 1 µs a record</td>"
+                           r'<td class="n">256</td>(?:<td class="n">[\d.,]+</td>){2}<td class="n">21.0</td></tr>', part)
+        self.assertEqual(sorted(lines), ["packed_global_mutex", "packed_shared_mutex"])
+        self.assertIn("by 21.0 % in the median of 2 points, and by 21.0 % at most", part)
+        for table in (self.folder / "out/figures").rglob("*.csv"):
+            counts = {line.get("threads") for line in read_csv(table)}
+            self.assertEqual("256" in counts, table.name == "simulated.csv", table)
 
     def test_incomplete_results_stand_out(self):
         self.assertIn('class="banner">Incomplete', self.page(self.results(complete=False)))
@@ -197,8 +221,8 @@ class Repeatability(InFolder):
 
     def test_the_page_says_how_far_and_beside_what(self):
         page = self.page(model_repeatability())
-        self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by 0.440 "
-                      "to 0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
+        self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by "
+                      "0.440 to 0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
         self.assertIn("serves one thread", page)
         self.assertIn("0.0200 W/(m² sr) or 4.00 % of it", page)
         self.assertIn("the reference&#x27;s own, already taken off, is 0.00200", page)

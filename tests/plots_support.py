@@ -312,6 +312,21 @@ def model_anatomy(repetitions=5, **context) -> dict:
     return {"context": kContext | context, "benchmarks": rows}
 
 
+def model_simulated(threads=(1, 16, 256), validated=2, measured=(), **model) -> dict:
+    """A file of icbench simulate; with `measured` threads those rows are as --validate makes them."""
+    made = model_results(**({"caches": few_caches(), "workloads": kFewWorkloads, "repetitions": 1, "errors": False}
+                            | model), threads=threads)
+    made["context"] |= {"simulated": True, "virtual_machine": {"cores_per_complex": 8},
+                        "calibration": {"file": "costs/calibration.json", "host_name": "model", "date": "2025-01-02T10"}}
+    for row in made["benchmarks"]:
+        row |= {"name": "simulate" + row["name"].removeprefix("sweep"), "simulated": True,
+                "validated_to_threads": validated}
+        if row["threads"] in measured:
+            row |= {"measured_items_per_second": 1.25 * row["items_per_second"], "error_items_per_second": 0.21,
+                    "rounds": 9}
+    return made
+
+
 kChecks = ("integrity", "regular", "per_record_linearizable", "linearizable", "frame")
 kCycle = """round 4 (few places, no delays): cycle of 3 operations, each of which must precede the next
   thread 1 [129, 130] insert of record 82, place 0, size 0

@@ -18,7 +18,7 @@ import unittest
 import numpy as np
 
 from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto, model_preempt,
-                           model_repeatability, model_results, model_timeline, read_csv, run, write_results)
+                           model_repeatability, model_results, model_simulated, model_timeline, read_csv, run, write_results)
 
 import contention_map
 import over_threads
@@ -421,11 +421,7 @@ class Simulated(InFolder):
     """What is simulated is drawn as such, and nowhere else."""
 
     def simulated(self, name="simulated.json", validated=2, **model):
-        data = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 16, 256), repetitions=1,
-                             errors=False, **model)
-        for row in data["benchmarks"]:
-            row |= {"name": "simulate" + row["name"].removeprefix("sweep"), "simulated": True,
-                    "validated_to_threads": validated}
+        data = model_simulated(validated=validated, **model)
         return data, write_results(self.folder / name, data)
 
     def test_no_figure_of_measurements_takes_simulated_rows(self):
