@@ -530,8 +530,11 @@ class MainJob(InFolder):
         self.program("../../../../tools/cmake", "")
         compared = write_results(self.folder / "compared.json", model_pareto())
         repeated = write_results(self.folder / "repeated.json", model_repeatability())
+        imagined = write_results(self.folder / "imagined.json", model_simulated((1, 4), 0, workloads=kFewWorkloads[:1]))
         self.program("anatomy", f'cp {write_results(self.folder / "apart.json", model_anatomy())} "$OUT"')
         self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"\n'
+                                f'[[ $1 != simulate ]] || cp {imagined} "$OUT"\n'
+                                '[[ " $* " != *" --validate "* ]] || exit 1\n'  # figures were far off
                                 f'[[ $1 != pareto ]] || cp {compared} "$OUT"\n'
                                 f'[[ $1 != repeatability ]] || cp {repeated} "$OUT"')
 
@@ -571,6 +574,8 @@ class MainJob(InFolder):
         self.assertIn("icbench pareto", self.calls.read_text())
         self.assertIn("icbench repeatability", self.calls.read_text())
         self.assertIn("icbench preempt", self.calls.read_text())
+        self.assertEqual(self.calls.read_text().count("icbench simulate"), 2)
+        self.assertIn("more-cores", page)
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')

@@ -7,6 +7,7 @@
 
 #include "rows/animations.h"
 #include "rows/cached_pictures.h"
+#include "simulate/validation.h"
 
 namespace icbench {
 namespace {
@@ -270,6 +271,18 @@ std::vector<Row> all_rows() {
                   "share of wall time x threads that the parts of the time breakdown miss or count twice; "
                   "miss-driven at 4 us a record, the worst of four caches, with and without oversubscription",
                   Relation::at_most, 0.03, breakdown_sum});
+  for (const auto& [name, what, figure] :
+       {std::tuple{"throughput", "throughput", &Validation::throughput_error},
+        std::tuple{"records", "redundant records", &Validation::records_error},
+        std::tuple{"waiting", "waiting for locks", &Validation::waiting_error}}) {
+    rows.push_back(
+        {fmt::format("simulator_error_{}", name),
+         fmt::format("median error of simulated {} against measured, more than one thread; six packed "
+                     "caches, five workloads",
+                     what),
+         Relation::at_most, Validation::kBar,
+         [figure = figure](const Machine& machine) { return simulator_error(machine, figure); }});
+  }
   return rows;
 }
 

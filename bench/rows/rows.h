@@ -7,6 +7,8 @@
 
 namespace icbench {
 
+struct Validation;
+
 std::unique_ptr<Experiment> query_over_twin(const Machine& machine);
 std::unique_ptr<Experiment> read_only_scaling(const Machine& machine);
 std::unique_ptr<Experiment> miss_driven_over_mutex(const Machine& machine);
@@ -56,6 +58,9 @@ std::unique_ptr<Experiment> trace_slowdown(const Machine& machine, std::string_v
 
 /// Share of wall time x threads that the parts of a sweep's time breakdown do not explain.
 std::unique_ptr<Experiment> breakdown_sum(const Machine& machine);
+
+/// Median error of the simulator against measured trials: `figure` is one of those of throughput, records and waiting.
+std::unique_ptr<Experiment> simulator_error(const Machine& machine, double Validation::*figure);
 
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();

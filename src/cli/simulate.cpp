@@ -3,10 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
-#include <map>
 #include <memory>
-#include <numeric>
 
 #include "cli/command.h"
 #include "cli/options.h"
@@ -15,21 +12,16 @@
 #include "harness/statistics.h"
 #include "simulate/engine.h"
 #include "simulate/simulation.h"
+#include "simulate/validation.h"
 #include "workload/sweep.h"
 
 namespace icbench {
 namespace {
 
 constexpr const char* kDefaultCores = "1,2,4,8,16,32,64,128,256";
-constexpr const char* kDefaultCaches =
-    "packed_global_mutex,packed_queuing_mutex,packed_shared_mutex,packed_distributed_rw,packed_local_write,"
-    "packed_wait_free";
-constexpr const char* kValidatedWorkloads =
-    "miss_driven:cost=1,miss_driven:cost=10,miss_driven:cost=100,mix_90_10,read_only";
-
 struct SimulateOptions {
-  std::string cores = kDefaultCores, caches = kDefaultCaches, workloads, out = "simulated.json", calibration,
-              transfers;
+  std::string cores = kDefaultCores, caches = fmt::format("{}", fmt::join(kUsualCaches, ",")), workloads,
+              out = "simulated.json", calibration, transfers;
   std::uint64_t seed = 1;
   unsigned complex_cores = 8, socket_cores = 64, repetitions = 9;
   bool recalibrate = false, validate = false;
@@ -68,7 +60,7 @@ std::array<double, 3> parse_transfers(const std::string& text) {
 SimulationRequest request_of(const SimulateOptions& o, const Topology& topology) {
   SimulationRequest r;
   const std::string workloads = !o.workloads.empty() ? o.workloads
-                                : o.validate         ? kValidatedWorkloads
+                                : o.validate         ? fmt::format("{}", fmt::join(kValidatedWorkloads, ","))
                                                      : "miss_driven:cost=10";
   for (const std::string& text : split_list("--workloads", workloads)) {
     r.workloads.push_back(parse_workload(text));
@@ -79,13 +71,7 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   std::vector<std::string> names;
   for (const WorkloadSpec& w : r.workloads) names.push_back(w.name);
   require_distinct("--workloads", names);
-  r.cores = parse_cores(o.cores);
-  if (o.validate) {
-    r.cores.clear();
-    const auto units = static_cast<unsigned>(topology.units().size());
-    for (unsigned n = 1; n < units; n *= 2) r.cores.push_back(n);
-    r.cores.push_back(units);
-  }
+  r.cores = o.validate ? validated_cores(topology) : parse_cores(o.cores);
   if (o.socket_cores % o.complex_cores != 0) {
     throw std::runtime_error(
         fmt::format("--socket {} is no multiple of --complex {}: complexes lie in sockets", o.socket_cores,
@@ -100,159 +86,47 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   return r;
 }
 
-/// Figures of a point in all rounds, measured or simulated.
-struct Rounds {
-  std::vector<double> throughput, redundant, records, waiting;
-
-  void add(const Entry& e) {
-    throughput.push_back(e.items_per_second.value_or(0.0));
-    redundant.push_back(e.counters.value("redundant_records", 0.0));
-    records.push_back(e.counters.value("records", 0.0));
-    waiting.push_back(e.counters.value("lock_wait_share", 0.0));
-  }
-};
-
-double mean(const std::vector<double>& v) {
-  return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
-}
-
-/// A point, measured and simulated in turns.
-struct Compared {
-  SimulationPoint point;
-  Entry entry{};  // of the first round
-  Rounds measured{}, simulated{};
-
-  // A hundredth of the records, and of the time, are what errors are at least taken relative to.
-  static constexpr double kFloor = 0.01;
-
-  /// By the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
-  double throughput_error() const {
-    std::vector<double> ratios;
-    for (std::size_t i = 0; i < measured.throughput.size(); ++i)
-      ratios.push_back(simulated.throughput[i] / measured.throughput[i]);
-    return std::abs(median(ratios) - 1.0);
-  }
-  /// Of means: counts add up.
-  double redundant_error() const {
-    return std::abs(mean(simulated.redundant) - mean(measured.redundant)) /
-           std::max({std::abs(mean(measured.redundant)), kFloor * mean(measured.records), 1.0});
-  }
-  double waiting_error() const {
-    return std::abs(median(simulated.waiting) - median(measured.waiting)) /
-           std::max(median(measured.waiting), kFloor);
-  }
-};
-
-void require_validation_possible(Simulation& simulation) {
-  const SimulationRequest& r = simulation.request();
-  if (const Calibration& c = simulation.calibration(); c.host_name != r.host_name) {
-    throw std::runtime_error(
-        fmt::format("calibration '{}' is of machine '{}', which this is not; validate it there, "
-                    "or give --recalibrate",
-                    r.calibration_path, c.host_name));
-  }
-  if (std::none_of(r.cores.begin(), r.cores.end(), [](unsigned n) { return n > 1; }))
-    throw std::runtime_error(
-        "--validate needs two processors: what one thread does is what the costs are from");
-}
-
-/// Every round of every point: costs as they are now, a real trial, a simulated one of the same operations.
-std::vector<Compared> compare_in_rounds(Simulation& simulation, const Topology& topology,
-                                        const SimulateOptions& o) {
-  const SimulationRequest& r = simulation.request();
-  SweepRequest real;
-  real.workloads = r.workloads;
-  real.caches = r.caches;
-  real.threads = r.cores;
-  real.seed = r.seed;
-  real.repetitions = o.repetitions;
-  Sweep sweep(real, topology);
-  std::map<std::string, std::size_t> index;
-  std::vector<Compared> all;
-  for (const SimulationPoint& point : simulation.points()) {
-    index[simulation.name_of(point)] = all.size();
-    all.push_back({point});
-  }
-  Progress progress("validate", static_cast<double>(all.size()) * (o.repetitions + 1));
-  for (std::size_t w = 0; w < r.workloads.size(); ++w) {
-    for (unsigned i = 0; i <= o.repetitions; ++i) {
-      for (const SweepPoint& p : sweep.points(w, i)) {
-        const SimulationPoint point{w, p.cache, p.threads};
-        Compared& compared = all[index.at(simulation.name_of(point))];
-        const Moment moment = simulation.measured_now(point, i);
-        try {
-          const Entry entry = sweep.run(p, i);
-          if (i != 0) compared.measured.add(entry);  // the first runs cold
-        } catch (const InvalidTrial& e) {
-          throw CheckFailed(e.what());
-        }
-        if (i != 0) {
-          const Entry entry = simulation.run(point, i, moment);
-          if (i == 1) compared.entry = entry;
-          compared.simulated.add(entry);
-        }
-        progress.advance(1, simulation.name_of(point));
-      }
-    }
-  }
-  progress.finish();
-  return all;
-}
-
 void validate(Simulation& simulation, const Topology& topology, const SimulateOptions& o,
               ResultsWriter& results) {
-  require_validation_possible(simulation);
-  const SimulationRequest& r = simulation.request();
-  std::vector<Compared> all = compare_in_rounds(simulation, topology, o);
+  Progress progress("validate", static_cast<double>(simulation.points().size()) * (o.repetitions + 1));
+  std::vector<ComparedPoint> points;
+  try {
+    points = compare_in_rounds(simulation, topology, o.repetitions,
+                               [&](const std::string& name) { progress.advance(1, name); });
+  } catch (const InvalidTrial& e) {
+    throw CheckFailed(e.what());
+  }
+  progress.finish();
 
-  Validation outcome;
-  std::vector<double> throughput, redundant, waiting;
-  std::map<std::string, std::vector<double>> by_cache;
   fmt::print("{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
              "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "",
              "", "", "", "");
-  for (Compared& c : all) {
-    const double off = c.throughput_error();
-    // What one thread costs was measured; it repeats no work and waits for nobody. That this comes out is no merit.
-    if (c.point.cores > 1) {
-      throughput.push_back(off);
-      by_cache[std::string(c.point.cache->traits.name)].push_back(off);
-      if (c.entry.counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
-      if (c.entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
-    }
-    outcome.threads = std::max(outcome.threads, c.point.cores);
-    outcome.keys.insert(key_of(c.point.cache->traits.name, workload_key(r.workloads[c.point.workload])));
-    c.entry.items_per_second = median(c.simulated.throughput);
-    auto& counters = c.entry.counters;
+  for (const ComparedPoint& c : points) {
+    Entry entry = c.entry;
+    entry.items_per_second = median(c.simulated.throughput);
+    auto& counters = entry.counters;
     counters["rounds"] = c.measured.throughput.size();
     counters["measured_items_per_second"] = median(c.measured.throughput);
-    counters["measured_redundant_records"] = mean(c.measured.redundant);
+    counters["measured_redundant_records"] = c.measured.redundant_mean();
     counters["measured_lock_wait_share"] = median(c.measured.waiting);
-    counters["error_items_per_second"] = off;
+    counters["error_items_per_second"] = c.throughput_error();
     counters["error_redundant_records"] = c.redundant_error();
     counters["error_lock_wait_share"] = c.waiting_error();
-    results.add(c.entry);
+    results.add(entry);
     fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
-               median(c.measured.throughput), median(c.simulated.throughput), 100.0 * off,
-               mean(c.measured.redundant), mean(c.simulated.redundant), 100.0 * median(c.measured.waiting),
-               100.0 * median(c.simulated.waiting), c.entry.name);
+               median(c.measured.throughput), median(c.simulated.throughput), 100.0 * c.throughput_error(),
+               c.measured.redundant_mean(), c.simulated.redundant_mean(), 100.0 * median(c.measured.waiting),
+               100.0 * median(c.simulated.waiting), entry.name);
   }
-  for (const auto& [cache, errors] : by_cache)
-    fmt::print("{:<28} throughput off by {:5.1f} % in the median\n", cache, 100.0 * median(errors));
-  const auto or_none = [](const std::vector<double>& v) { return v.empty() ? 0.0 : median(v); };
-  outcome.points = static_cast<unsigned>(throughput.size());
-  outcome.throughput_error = or_none(throughput);
-  outcome.records_error = or_none(redundant);
-  outcome.waiting_error = or_none(waiting);
-  outcome.date = date_now();
+  const Validation outcome = validation_of(simulation, points);
   const std::string line = fmt::format(
-      "median errors of {} points with 2 to {} threads: throughput {:.1f} %, redundant records {:.1f} %, "
-      "waiting for locks {:.1f} %",
+      "median errors of {} points with 2 to {} threads: throughput {:.1f} %, redundant records "
+      "{:.1f} %, waiting for locks {:.1f} %",
       outcome.points, outcome.threads, 100.0 * outcome.throughput_error, 100.0 * outcome.records_error,
       100.0 * outcome.waiting_error);
   fmt::print("{}\n", line);
   simulation.calibration().validation = outcome;
-  write_calibration(simulation.calibration(), r.calibration_path);
+  write_calibration(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
   if (!outcome.holds())
     throw CheckFailed(fmt::format("{}; at most {:.0f} % was to be reached", line, 100.0 * Validation::kBar));

@@ -29,8 +29,8 @@ struct SimulationRequest {
   MachineModel machine{};  ///< all but cores and transfers, which a point and the calibration give
   std::optional<Transfers> transfers{};  ///< instead of the calibration's
   std::uint64_t seed = 1;
-  std::string calibration_path;
-  std::string host_name;  ///< of this machine
+  std::string calibration_path;  ///< empty: kept nowhere
+  std::string host_name;         ///< of this machine
 };
 
 struct SimulationPoint {

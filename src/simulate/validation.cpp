@@ -1,0 +1,130 @@
+#include "simulate/validation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+#include <stdexcept>
+
+#include "harness/environment.h"
+#include "harness/statistics.h"
+#include "workload/sweep.h"
+
+namespace icbench {
+namespace {
+
+// Of the records, and of the time: what errors are at least taken relative to.
+constexpr double kFloor = 0.01;
+
+double mean(std::span<const double> v) {
+  return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
+}
+
+}  // namespace
+
+void Rounds::add(const Entry& e) {
+  throughput.push_back(e.items_per_second.value_or(0.0));
+  redundant.push_back(e.counters.value("redundant_records", 0.0));
+  records.push_back(e.counters.value("records", 0.0));
+  waiting.push_back(e.counters.value("lock_wait_share", 0.0));
+}
+
+double Rounds::redundant_mean() const { return mean(redundant); }
+
+double ComparedPoint::throughput_error() const {
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < measured.throughput.size(); ++i)
+    ratios.push_back(simulated.throughput[i] / measured.throughput[i]);
+  return std::abs(median(ratios) - 1.0);
+}
+
+double ComparedPoint::redundant_error() const {
+  return std::abs(simulated.redundant_mean() - measured.redundant_mean()) /
+         std::max({std::abs(measured.redundant_mean()), kFloor * mean(measured.records), 1.0});
+}
+
+double ComparedPoint::waiting_error() const {
+  return std::abs(median(simulated.waiting) - median(measured.waiting)) /
+         std::max(median(measured.waiting), kFloor);
+}
+
+std::vector<unsigned> validated_cores(const Topology& topology) {
+  const auto units = static_cast<unsigned>(topology.units().size());
+  if (units < 2) {
+    throw std::runtime_error(
+        "a validation needs two processing units: what one thread does is what the costs are from");
+  }
+  std::vector<unsigned> out;
+  for (unsigned n = 1; n < units; n *= 2) out.push_back(n);
+  out.push_back(units);
+  return out;
+}
+
+std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
+                                             unsigned rounds,
+                                             const std::function<void(const std::string&)>& tell) {
+  const SimulationRequest& r = simulation.request();
+  if (const std::string& host = simulation.calibration().host_name; host != r.host_name) {
+    throw std::runtime_error(
+        fmt::format("calibration '{}' is of machine '{}', which this is not; validate it there, "
+                    "or give --recalibrate",
+                    r.calibration_path, host));
+  }
+  SweepRequest real;
+  real.workloads = r.workloads;
+  real.caches = r.caches;
+  real.threads = r.cores;
+  real.seed = r.seed;
+  real.repetitions = rounds;
+  Sweep sweep(real, topology);
+  std::map<std::string, std::size_t> index;
+  std::vector<ComparedPoint> all;
+  for (const SimulationPoint& point : simulation.points()) {
+    index[simulation.name_of(point)] = all.size();
+    all.push_back({point});
+  }
+  for (std::size_t w = 0; w < r.workloads.size(); ++w) {
+    for (unsigned i = 0; i <= rounds; ++i) {
+      for (const SweepPoint& p : sweep.points(w, i)) {
+        const SimulationPoint point{w, p.cache, p.threads};
+        const std::string name = simulation.name_of(point);
+        const Moment moment = simulation.measured_now(point, i);
+        const Entry measured = sweep.run(p, i);
+        if (i != 0) {  // the first runs cold
+          ComparedPoint& compared = all[index.at(name)];
+          compared.measured.add(measured);
+          const Entry simulated = simulation.run(point, i, moment);
+          if (i == 1) compared.entry = simulated;
+          compared.simulated.add(simulated);
+        }
+        tell(name);
+      }
+    }
+  }
+  return all;
+}
+
+Validation validation_of(const Simulation& simulation, std::span<const ComparedPoint> points) {
+  Validation out;
+  std::vector<double> throughput, redundant, waiting;
+  for (const ComparedPoint& c : points) {
+    const WorkloadSpec& workload = simulation.request().workloads[c.point.workload];
+    out.threads = std::max(out.threads, c.point.cores);
+    out.keys.insert(key_of(c.point.cache->traits.name, workload_key(workload)));
+    if (c.point.cores == 1) continue;
+    throughput.push_back(c.throughput_error());
+    if (c.entry.counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
+    if (c.entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
+  }
+  const auto or_none = [](const std::vector<double>& v) { return v.empty() ? 0.0 : median(v); };
+  out.points = static_cast<unsigned>(throughput.size());
+  out.throughput_error = or_none(throughput);
+  out.records_error = or_none(redundant);
+  out.waiting_error = or_none(waiting);
+  out.date = date_now();
+  return out;
+}
+
+}  // namespace icbench

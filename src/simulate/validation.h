@@ -1,0 +1,62 @@
+// How far simulated figures are from measured ones, on the cores that this machine has.
+//
+// In rounds. Each takes, of every point, the costs as they are now (a trial on one thread, two threads that wait for
+// each other), a real trial, and a simulated one of the same operations at those costs. So what is judged is the model:
+// a machine that has become slower since its calibration, as virtual ones do from minute to minute, is no error of it.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "simulate/simulation.h"
+
+namespace icbench {
+
+/// What is simulated, and validated, unless something else is asked for.
+inline constexpr const char* kUsualCaches[] = {"packed_global_mutex", "packed_queuing_mutex",
+                                               "packed_shared_mutex", "packed_distributed_rw",
+                                               "packed_local_write",  "packed_wait_free"};
+inline constexpr const char* kValidatedWorkloads[] = {"miss_driven:cost=1", "miss_driven:cost=10",
+                                                      "miss_driven:cost=100", "mix_90_10", "read_only"};
+
+/// Figures of a point, a value a round.
+struct Rounds {
+  std::vector<double> throughput;  ///< operations a second
+  std::vector<double> redundant, records;
+  std::vector<double> waiting;  ///< for locks, of wall time x threads
+
+  void add(const Entry& entry);
+  double redundant_mean() const;  ///< counts add up
+};
+
+/// A point, measured and simulated in turns.
+struct ComparedPoint {
+  SimulationPoint point;
+  Entry entry{};  ///< the first round's simulated one
+  Rounds measured{}, simulated{};
+
+  /// Of the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
+  double throughput_error() const;
+  /// Of means, over the measured one or 1 % of the records if that is more.
+  double redundant_error() const;
+  /// Of medians, over the measured one or 1 % of the time if that is more.
+  double waiting_error() const;
+};
+
+/// 1, 2, 4, ... threads and one for each processing unit. Throws std::runtime_error with one line where there is but one
+/// unit: what one thread does is what the costs are from.
+std::vector<unsigned> validated_cores(const Topology& topology);
+
+/// Every point of the simulation in that many rounds and a first one that does not count; `tell` is told of each trial.
+/// Throws std::runtime_error if the calibration is another machine's, InvalidTrial if a cache broke its contract.
+std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
+                                             unsigned rounds,
+                                             const std::function<void(const std::string&)>& tell);
+
+/// Medians over the points with more than one thread: that one thread takes as long as it did, repeats no work and
+/// waits for nobody, is no merit.
+Validation validation_of(const Simulation& simulation, std::span<const ComparedPoint> points);
+
+}  // namespace icbench
