@@ -11,9 +11,9 @@ from simulated import Simulated
 from tables import note_line, table, text
 
 kTitle = "Simulated: what more cores would do"
-kLead = ("<p>No line drawn in this part was measured, and no other figure or table of this page takes any of it; the "
-         "first question's answers do past the machine's cores, and then say so. <code>icbench simulate</code> carries out "
-         "the caches' operations in virtual time on cores that are not there.</p>")
+kLead = ("<p>No line drawn in this part was measured, and no other figure or table of this page takes any of it; "
+         "the first question's answers do past the machine's cores, and then say so. <code>icbench simulate</code> "
+         "carries out the caches' operations in virtual time on cores that are not there.</p>")
 
 
 def _points(one: Simulated) -> pd.DataFrame:
@@ -46,8 +46,8 @@ def about(one: Simulated) -> str:
     when = f", {text(str(calibration['date'])[:10])}" if calibration.get("date") else ""
     cut = " <b>Incomplete:</b> the run was cut short." if one.context.get("complete") is False else ""
     return (f"<p>From <code>{text(one.path.name)}</code>, up to "
-            f"{style.plural(int(one.rows['threads'].max()), 'virtual core')}; <b>{text(_validated(one))}</b>. Costs are "
-            f"those of the calibration{costs} (measured on {text(one.host)}{when}).{cut}</p>")
+            f"{style.plural(int(one.rows['threads'].max()), 'virtual core')}; <b>{text(_validated(one))}</b>. Costs "
+            f"are those of the calibration{costs} (measured on {text(one.host)}{when}).{cut}</p>")
 
 
 def compared(one: Simulated) -> str:

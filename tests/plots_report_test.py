@@ -64,7 +64,8 @@ class Report(InFolder):
         self.assertIn("broken.png is not a picture", page)
 
     def test_machines_have_parts_of_their_own_and_so_has_what_was_simulated(self):
-        imagined = model_simulated((1, 256), 8, measured=(256,), workloads=kFewWorkloads[1:2], caches=few_caches()[1:3])
+        imagined = model_simulated((1, 256), 8, measured=(256,), workloads=kFewWorkloads[1:2],
+                                   caches=few_caches()[1:3])
         page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False),
                          write_results(self.folder / "s.json", imagined))
         self.simulated(page)
@@ -78,7 +79,8 @@ class Report(InFolder):
         """One machine alone has the part, and no figure of measurements has its rows."""
         self.assertEqual(re.findall(r'<h2 [^>]*id="([^"]*more-cores)"', page), ["model-more-cores"])
         part = page[page.index('id="model-more-cores"'):page.index('id="model-tables"')]
-        for words in ("From <code>s.json</code>, up to 256 virtual cores; <b>validated to 8 threads on this machine</b>",
+        for words in ("From <code>s.json</code>, up to 256 virtual cores",
+                      "<b>validated to 8 threads on this machine</b>",
                       "<code>costs/calibration.json</code> (measured on model, 2025-01-02)",
                       "<code>figures/model/simulated.pdf</code>"):
             self.assertIn(words, part)

@@ -317,7 +317,8 @@ def model_simulated(threads=(1, 16, 256), validated=2, measured=(), **model) -> 
     made = model_results(**({"caches": few_caches(), "workloads": kFewWorkloads, "repetitions": 1, "errors": False}
                             | model), threads=threads)
     made["context"] |= {"simulated": True, "virtual_machine": {"cores_per_complex": 8},
-                        "calibration": {"file": "costs/calibration.json", "host_name": "model", "date": "2025-01-02T10"}}
+                        "calibration": {"file": "costs/calibration.json", "host_name": "model",
+                                        "date": "2025-01-02T10"}}
     for row in made["benchmarks"]:
         row |= {"name": "simulate" + row["name"].removeprefix("sweep"), "simulated": True,
                 "validated_to_threads": validated}

@@ -18,7 +18,8 @@ import unittest
 import numpy as np
 
 from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto, model_preempt,
-                           model_repeatability, model_results, model_simulated, model_timeline, read_csv, run, write_results)
+                           model_repeatability, model_results, model_simulated, model_timeline, read_csv, run,
+                           write_results)
 
 import contention_map
 import over_threads
