@@ -1,21 +1,15 @@
 #include "simulate/calibration.h"
 
 #include <fmt/format.h>
-#include <linux/futex.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
-#include <thread>
 
-#include "caches/locks.h"
 #include "core/sync.h"
 #include "harness/environment.h"
 #include "harness/statistics.h"
@@ -29,182 +23,6 @@ namespace icbench {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Clock = std::chrono::steady_clock;
-
-/// Low quantile of many short measurements: what is longer was disturbed.
-double undisturbed(const std::vector<double>& samples) { return quantile(samples, 0.1); }
-
-/// Nanoseconds a turn of `f`, which is called `turns` times for each sample.
-template <class F>
-double time_of(unsigned turns, unsigned samples, F&& f) {
-  std::vector<double> ns;
-  for (unsigned i = 0; i < samples; ++i) {
-    const auto start = Clock::now();
-    for (unsigned turn = 0; turn < turns; ++turn) f();
-    ns.push_back(std::chrono::duration<double, std::nano>(Clock::now() - start).count() / turns);
-  }
-  return undisturbed(ns);
-}
-
-struct alignas(kNoSharing) Word {
-  std::atomic<int> value{0};
-};
-static_assert(sizeof(std::atomic<int>) == sizeof(int), "the kernel looks at the word itself");
-
-long futex(Word& word, int operation, int value) {
-  return syscall(SYS_futex, reinterpret_cast<int*>(&word.value), operation | FUTEX_PRIVATE_FLAG, value,
-                 nullptr, nullptr, 0);
-}
-
-/// One way: two threads take turns at a word, and one of them tells how long a round takes.
-double measured_transfer(ThreadTeam& two) {
-  constexpr int kRounds = 20'000;
-  Word word;
-  std::vector<double> samples;
-  const TickRate rate = calibrate_ticks();
-  two.run([&](unsigned t) {
-    std::uint64_t last = ticks();
-    for (int round = 0; round < kRounds; ++round) {
-      const int mine = 2 * round + static_cast<int>(t);
-      for (int expected = mine;; expected = mine) {
-        for (unsigned turn = 0; word.value.load(std::memory_order_relaxed) != mine; ++turn)
-          NoHooks::wait_turn(turn);
-        // Acquire and release as a lock's word has them, relaxed where it has: there is no data beside it.
-        if (word.value.compare_exchange_strong(expected, mine + 1, std::memory_order_acq_rel,
-                                               std::memory_order_relaxed))
-          break;
-      }
-      if (t != 0) continue;
-      const std::uint64_t now = ticks();
-      samples.push_back(0.5 * rate.to_ns(now - last));
-      last = now;
-    }
-  });
-  return undisturbed(samples);
-}
-
-/// Of the thread that wakes another, and until that one runs.
-void measure_waking(ThreadTeam& two, WaitCosts& out) {
-  constexpr int kRounds = 200;
-  Word word;
-  std::atomic<int> asleep{-1};
-  std::vector<std::uint64_t> called(kRounds), returned(kRounds), woken(kRounds);
-  const TickRate rate = calibrate_ticks();
-  two.run([&](unsigned t) {
-    for (int round = 0; round < kRounds; ++round) {
-      if (t == 0) {
-        // Release: the sleeper's stamp of the round before is there. Paired with the acquire below.
-        asleep.store(round, std::memory_order_release);
-        while (word.value.load(std::memory_order_acquire) != round + 1) futex(word, FUTEX_WAIT, round);
-        woken[static_cast<std::size_t>(round)] = ticks();
-      } else {
-        for (unsigned turn = 0; asleep.load(std::memory_order_acquire) != round; ++turn)
-          NoHooks::wait_turn(turn);
-        // Long enough to have gone to sleep: work, so that this processor stays awake.
-        asm volatile("" ::"r"(do_work(20'000, static_cast<std::uint64_t>(round))));
-        word.value.store(round + 1, std::memory_order_release);
-        called[static_cast<std::size_t>(round)] = ticks();
-        futex(word, FUTEX_WAKE, 1);
-        returned[static_cast<std::size_t>(round)] = ticks();
-      }
-    }
-  });
-  std::vector<double> calls, delays;
-  for (std::size_t i = 0; i < kRounds; ++i) {
-    calls.push_back(rate.to_ns(returned[i] - called[i]));
-    delays.push_back(rate.to_ns(woken[i] > called[i] ? woken[i] - called[i] : 0));
-  }
-  out.wake_call_ns = undisturbed(calls);
-  out.wake_delay_ns = undisturbed(delays);
-}
-
-/// Reads so much memory that nothing of the kernel's stays near, as work between two calls does.
-class OtherWork {
- public:
-  void operator()() {
-    unsigned sum = 0;
-    for (std::size_t i = 0; i < memory_.size(); i += 64) sum += memory_[i];
-    asm volatile("" ::"r"(sum));
-  }
-
- private:
-  std::vector<unsigned char> memory_ = std::vector<unsigned char>(256u << 10, 1);
-};
-
-/// From a thread's call to sleep until the kernel has looked at the word: another thread changes the word after ever
-/// longer delays, and whoever is still in time sends the caller back; and how long a call takes that comes back so.
-/// `transfer_ns`: what the word takes to the kernel.
-void measure_calls_in_vain(ThreadTeam& two, double transfer_ns, WaitCosts& out) {
-  constexpr unsigned kDelays = 40, kEach = 15;
-  constexpr double kStepNs = 20.0, kAheadNs = 3'000.0;
-  Word word;
-  std::atomic<std::uint64_t> begin{0};
-  std::atomic<int> called{-1}, back{-1};  // the last turn in which it was
-  std::vector<double> in_vain;
-  OtherWork other_work;
-  const TickRate rate = calibrate_ticks();
-  const auto wait_until = [](std::uint64_t tick) {
-    while (ticks() < tick) {
-    }
-  };
-  two.run([&](unsigned t) {
-    for (unsigned i = 0; i < kDelays * kEach; ++i) {
-      const int turn = static_cast<int>(i);
-      if (t == 0) {
-        other_work();
-        begin.store(ticks() + static_cast<std::uint64_t>(kAheadNs / rate.ns_per_tick),
-                    std::memory_order_relaxed);
-        called.store(turn, std::memory_order_release);  // with the begin
-        wait_until(begin.load(std::memory_order_relaxed));
-        const std::uint64_t start = ticks();
-        if (futex(word, FUTEX_WAIT, turn) != 0) in_vain.push_back(rate.to_ns(ticks() - start));
-        back.store(turn, std::memory_order_release);
-        for (unsigned spins = 0; word.value.load(std::memory_order_acquire) != turn + 1; ++spins)
-          NoHooks::wait_turn(spins);
-      } else {
-        for (unsigned spins = 0; called.load(std::memory_order_acquire) != turn; ++spins)
-          NoHooks::wait_turn(spins);
-        const double delay = kStepNs * (static_cast<double>(i / kEach) + 0.5);
-        wait_until(begin.load(std::memory_order_relaxed) +
-                   static_cast<std::uint64_t>(delay / rate.ns_per_tick));
-        word.value.store(turn + 1, std::memory_order_release);
-        // Until it is back, for it may be on its way to sleep. It may be in its next turn by then, and be woken there:
-        // that turn is over, too.
-        while (back.load(std::memory_order_acquire) < turn) futex(word, FUTEX_WAKE, 1);
-      }
-    }
-  });
-  out.check_ns = kStepNs * static_cast<double>(in_vain.size()) / kEach + transfer_ns;
-  if (!in_vain.empty()) out.park_ns = median(in_vain);
-}
-
-/// Taking a lock that is free and giving it back, as Locked does, by one thread.
-template <class Policy>
-double measured_lock() {
-  WithCounters counters;
-  typename Policy::Mutex mutex;
-  typename PartOfSession<Policy>::type part;
-  if constexpr (PartOfSession<Policy>::kOn) mutex.admit(part);
-  return time_of(100, 200, [&] {
-    if constexpr (PartOfSession<Policy>::kOn) {
-      typename Policy::Read scope(part, counters);
-    } else {
-      typename Policy::Read scope(mutex, counters);
-    }
-  });
-}
-
-std::array<double, kLockKinds> measured_locks() {
-  std::array<double, kLockKinds> out{};
-  const auto of = [&](LockKind kind) -> double& { return out[static_cast<std::size_t>(kind)]; };
-  of(LockKind::mutex) = measured_lock<GlobalMutex>();
-  of(LockKind::spin) = measured_lock<GlobalSpin<>>();
-  of(LockKind::queue) = measured_lock<QueuingMutex>();
-  of(LockKind::futex_rw) = measured_lock<SharedMutex>();
-  of(LockKind::spin_rw) = measured_lock<SpinRwMutex>();
-  of(LockKind::distributed_rw) = measured_lock<DistributedRw<>>();
-  return out;
-}
 
 /// Samples of one kind of operation.
 class Samples {
@@ -348,15 +166,15 @@ class Sampler {
     cache_.begin_frame();
     std::fill(own_.begin(), own_.end(), 0);
     fresh_.clear();
-    Word turns;
+    alignas(kNoSharing) std::atomic<int> turns{0};
     team_.run([&](unsigned t) {
       for (std::size_t turn = t; turn * kTurn < operations.size(); turn += team_.size()) {
         // Acquire, release: whose turn it is has everything to itself, the samples included.
-        for (unsigned i = 0; turns.value.load(std::memory_order_acquire) != static_cast<int>(turn); ++i)
+        for (unsigned i = 0; turns.load(std::memory_order_acquire) != static_cast<int>(turn); ++i)
           NoHooks::wait_turn(i);
         const std::size_t end = std::min(operations.size(), (turn + 1) * kTurn);
         for (std::size_t i = turn * kTurn; i < end; ++i) run_operation(t, operations[i]);
-        turns.value.store(static_cast<int>(turn + 1), std::memory_order_release);
+        turns.store(static_cast<int>(turn + 1), std::memory_order_release);
       }
     });
     cache_.end_frame();
@@ -435,33 +253,18 @@ double merge_of_record(const TrialOutcome& o) {
 
 }  // namespace
 
-void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits) {
-  transfers.ns[0] = measured_transfer(two);
-  measure_waking(two, waits);
-  measure_calls_in_vain(two, transfers.ns[0], waits);
-}
-
 Calibration calibrate_machine(const Topology& topology, const Json& environment) {
   Calibration c;
   c.host_name = environment.value("host_name", "");
   c.cpu_model = environment.value("cpu_model", "");
   c.commit = environment.value("commit", "");
   c.date = date_now();
-  Word word;
-  c.waits.park_ns = time_of(10, 500, [&] { futex(word, FUTEX_WAIT, 1); });  // it returns at once
+  measure_waits(c.waits);
   if (topology.units().size() >= 2) {
     ThreadTeam two(topology, Placement::compact, 2);
     measure_contention(two, c.transfers, c.waits);
     c.is_transfer_measured = true;
   }
-  c.waits.clock_ns = time_of(100, 500, [] {
-    const auto now = Clock::now();
-    asm volatile("" ::"r"(&now) : "memory");
-  });
-  c.waits.pause_ns = time_of(100, 500, [] { spin_pause(); });
-  c.waits.yield_ns = time_of(10, 500, [] { std::this_thread::yield(); });
-  c.waits.lock_ns = measured_locks();
-  c.waits.start_ns = time_of(1, 50, [] { std::jthread([] {}); });
 
   const WorkloadSpec spec = parse_workload("read_only:records=1000:operations=200000");
   const RayTracer rays(make_scene(spec.scene));

@@ -61,6 +61,9 @@ std::optional<Calibration> read_calibration(const std::string& path);
 /// Replaces the file; makes its folder. Throws std::runtime_error with one line.
 void write_calibration(const Calibration& calibration, const std::string& path);
 
+/// What waiting takes one thread; a few hundredths of a second.
+void measure_waits(WaitCosts& out);
+
 /// What depends on how far apart two cores are and on waking, of threads on two of them; some hundredths of a second.
 /// On a virtual machine this changes from minute to minute, as its processors are moved about.
 void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits);
