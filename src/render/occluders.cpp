@@ -165,7 +165,8 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
     if (asked == 0) continue;
     Fan some;
     select(here, asked, some);
-    if (part.solid != nullptr && !part.solid->around.empty()) {
+    // Full packets ask the BVH in less time than the boxes take.
+    if (packing == Packing::exact && part.solid != nullptr && !part.solid->around.empty()) {
       const std::uint64_t through =
           near_boxes(some, o, part.solid->inside, -part.pad) & leaving(some, o, part.box, part.pad);
       hit |= through;
