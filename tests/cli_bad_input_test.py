@@ -174,6 +174,7 @@ class BadInput(Case):
             options = {"--calibration": "none.json", "--out": "out.json"} | dict(zip(arguments[::2], arguments[1::2]))
             with self.subTest(arguments):
                 self.refuse("simulate", *(word for option in options.items() for word in option), says=[part])
+        self.refuse("simulate", "--validate", "--cores", "0", "--calibration", "none.json", says=["--cores"])
 
     def test_traces_that_cannot_be_captured_or_read(self):
         self.succeed(*small_capture(out="a.trace"))

@@ -71,7 +71,8 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   std::vector<std::string> names;
   for (const WorkloadSpec& w : r.workloads) names.push_back(w.name);
   require_distinct("--workloads", names);
-  r.cores = o.validate ? validated_cores(topology) : parse_cores(o.cores);
+  r.cores = parse_cores(o.cores);  // what is wrong is said though --validate takes others
+  if (o.validate) r.cores = validated_cores(topology);
   if (o.socket_cores % o.complex_cores != 0) {
     throw std::runtime_error(
         fmt::format("--socket {} is no multiple of --complex {}: complexes lie in sockets", o.socket_cores,

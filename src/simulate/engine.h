@@ -13,7 +13,7 @@
 // Not modelled: threads beyond cores, caches and memory bandwidth that cores share, other programs, what the kernel
 // does now and then; compare-and-swaps that fail.
 //
-// Deterministic: equal inputs give equal outcomes, bit for bit, whatever the machine. Costs: about a microsecond an
+// Deterministic: equal inputs give equal outcomes, bit for bit, with one mathematical library. Costs: about a microsecond an
 // event beside the real operations; two events for an operation under a lock, one for others. One thread at a time.
 #pragma once
 
