@@ -1,6 +1,7 @@
 // The simulator: deterministic, on one core the same as the real thing, and where a closed form is known, as that says.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <set>
 
@@ -16,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 5;
 /// Who waits notices at once.
-constexpr WaitCosts kAtOnce{0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+constexpr WaitCosts kAtOnce{0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 0.0};
 
 /// Every query and insert takes as long as every other.
 CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
@@ -189,6 +190,27 @@ TEST(Simulator, RegionsAreHeldUntilTheOperationIsOver) {
   EXPECT_LT(apart.wall_ns, 0.5 * 20000 * 200.0);
 }
 
+/// What an operation takes beyond what it takes by itself is around it, and the sum stays.
+TEST(Simulator, OperationsHoldNoLongerThanByThemselves) {
+  CacheCosts costs = flat_costs(200.0, 400.0, 20.0);
+  costs.query_ns = 200.0;
+  costs.insert_ns = 400.0;
+  EXPECT_EQ(costs.by_themselves().to_json(), costs.to_json());  // not measured
+  costs.query_alone_ns = 150.0;
+  costs.insert_alone_ns = 500.0;
+  const CacheCosts split = costs.by_themselves();
+  EXPECT_DOUBLE_EQ(split.operations.query.at(1), 150.0);
+  EXPECT_DOUBLE_EQ(split.outside_query_ns, 70.0);
+  EXPECT_EQ(split.operations.insert.at(1), 400.0);
+  EXPECT_EQ(split.outside_insert_ns, 20.0);
+  EXPECT_EQ(split.by_themselves().to_json(), split.to_json());
+
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=1000");
+  EXPECT_NEAR(run(plan, "global_mutex", machine_of(1, 0.0), costs).wall_ns, 1000 * 220.0, 1e-6);
+  // Two threads wait for what is held, not for what is around it.
+  EXPECT_NEAR(run(plan, "global_mutex", machine_of(2, 0.0), costs).wall_ns, 1000 * 150.0, 1000.0);
+}
+
 /// How long operations take by themselves decides nothing but times; their mean is the cost.
 TEST(Simulator, OperationsLieAboutTheirMean) {
   std::vector<double> ratios;
@@ -212,7 +234,7 @@ TEST(Simulator, OperationsLieAboutTheirMean) {
 TEST(Simulator, WhoIsLetInBeforeTheKernelLooksDoesNotSleep) {
   const SyntheticPlan plan = made_plan("read_only:records=100:operations=400");
   WaitCosts waits = kAtOnce;
-  waits.wake_delay_ns = 1e6;
+  waits.wake_delay_ns = BySleep::always(1e6);
   waits.check_ns = 150.0;
   waits.park_ns = 200.0;
   // Two threads that arrive together: one is in for 100 ns, so the other is called back.
@@ -222,6 +244,29 @@ TEST(Simulator, WhoIsLetInBeforeTheKernelLooksDoesNotSleep) {
   waits.check_ns = 50.0;
   const auto asleep = run(plan, "global_mutex", machine_of(2, 0.0), flat_costs(100.0, 0.0), kSeed, waits);
   EXPECT_GT(asleep.wall_ns, 1e6);
+}
+
+/// How long waking takes depends on how long the sleep was.
+TEST(Simulator, WakingTakesWhatItTakesAfterSuchASleep) {
+  BySleep times;
+  for (std::size_t i = 0; i < BySleep::kSleeps; ++i) times.ns[i] = 100.0 * static_cast<double>(i);
+  EXPECT_EQ(times.after(0.0), 0.0);
+  EXPECT_EQ(times.after(500.0), 0.0);
+  EXPECT_NEAR(times.after(500.0 * std::sqrt(2.0)), 50.0, 1e-9);
+  EXPECT_NEAR(times.after(4'000.0), 300.0, 1e-9);
+  EXPECT_EQ(times.after(64'000.0), 700.0);
+  EXPECT_EQ(times.after(1e20), 700.0);
+
+  WaitCosts waits = kAtOnce;
+  waits.wake_delay_ns = times;
+  std::vector<double> woken;
+  const MachineModel machine = machine_of(2, 0.0);
+  const auto lock = make_lock(LockKind::mutex, machine, waits, kSeed,
+                              [&](unsigned, double time) { woken.push_back(time); });
+  EXPECT_TRUE(lock->enter({0, 0, true}, 0.0).is_in);
+  EXPECT_FALSE(lock->enter({1, 1, true}, 1'000.0).is_in);
+  lock->leave({0, 0, true}, 9'000.0);  // 8 us later
+  EXPECT_EQ(woken, std::vector<double>{9'400.0});
 }
 
 // Readers that count themselves on one line wait for the line, twice a query; those with lines of their own do not.

@@ -32,6 +32,23 @@ inline std::uint64_t ticks() noexcept {
 #endif
 }
 
+/// The same once every earlier instruction is done, before any later one begins: for what a single operation takes by
+/// itself, without what the processor does of the next one meanwhile. Without such an instruction, as ticks().
+inline std::uint64_t ticks_in_order() noexcept {
+#if defined(__x86_64__)
+  _mm_lfence();
+  const std::uint64_t value = __rdtsc();
+  _mm_lfence();
+  return value;
+#elif defined(__aarch64__)
+  std::uint64_t value;
+  asm volatile("isb\n\tmrs %0, cntvct_el0\n\tisb" : "=r"(value)::"memory");
+  return value;
+#else
+  return ticks();
+#endif
+}
+
 struct TickRate {
   double ns_per_tick = 1.0;  ///< > 0
   double spread = 0.0;  ///< relative difference between the slowest and the fastest try: trust in ns_per_tick

@@ -240,11 +240,41 @@ class Sampler {
   Samples queries_, inserts_;
 };
 
+/// Ticks between two stamps that wait for each other: a mean, since the counter may count in steps.
+double ticks_of_stamp() {
+  constexpr int kStamps = 1000;
+  std::array<double, kStamps> all;
+  for (double& ticks : all) {
+    const std::uint64_t start = ticks_in_order();
+    ticks = static_cast<double>(ticks_in_order() - start);
+  }
+  std::sort(all.begin(), all.end());
+  constexpr int kUndisturbed = 9 * kStamps / 10;
+  return std::accumulate(all.begin(), all.begin() + kUndisturbed, 0.0) / kUndisturbed;
+}
+
+/// Nanoseconds in the mean of operations that were timed in order; 0 if there are none.
+double mean_ns(const Histogram& timed) {
+  if (timed.count() == 0) return 0.0;
+  static const TickRate rate = calibrate_ticks();
+  const double mean = static_cast<double>(timed.sum()) / static_cast<double>(timed.count());
+  return rate.ns_per_tick * std::max(0.0, mean - ticks_of_stamp());
+}
+
 TrialOutcome run_trial(const CacheEntry& cache, const CalibratedPlan& plan, const TrialSetup& setup) {
   TrialOutcome o = plan.trace ? cache.trace(*plan.trace, setup) : cache.synthetic(*plan.synthetic, setup);
   if (!o.error.empty())
     throw std::runtime_error(fmt::format("calibration of {}: {}", cache.traits.name, o.error));
   return o;
+}
+
+/// What operations take by themselves, of one thread.
+void measure_alone(const CacheEntry& cache, const CalibratedPlan& plan, TrialSetup setup, CacheCosts& costs) {
+  setup.latency_every = 1;
+  setup.is_in_order = true;
+  const TrialOutcome o = run_trial(cache, plan, setup);
+  costs.query_alone_ns = mean_ns(o.query_ticks);
+  costs.insert_alone_ns = mean_ns(o.insert_ticks);
 }
 
 double merge_of_record(const TrialOutcome& o) {
@@ -336,8 +366,11 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
   const auto stepped = cache.stepped(program->config(1));
   const SimulatedOutcome o = simulate(*program, *stepped, {alone, machine.waits, costs, mechanism, seed});
   costs.trial_ns = o.wall_ns - o.merge_ns;
+  costs.query_ns = o.query_ns / std::max(1.0, static_cast<double>(o.visits));
+  costs.insert_ns = o.insert_ns / std::max(1.0, static_cast<double>(o.inserts + o.refused));
   const double measured = median(whole) - o.merge_ns;
   if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
+  measure_alone(cache, plan, {one, work, hash_keys(seed, 0, 8)}, costs);
   return costs;
 }
 
@@ -347,6 +380,7 @@ CacheCosts costs_now(CacheCosts costs, const CacheEntry& cache, const Calibrated
   if (costs.merge_record_ns != 0.0) costs.merge_record_ns = merge_of_record(o);
   const double measured = o.cpu_ns - o.merge_ns;
   if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
+  measure_alone(cache, plan, {one, work, seed}, costs);
   return costs;
 }
 

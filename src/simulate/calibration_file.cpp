@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "icbench calibration of simulations";
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 
 double number_at(const Json& j, const char* name) {
   if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
@@ -46,11 +46,9 @@ struct WaitField {
   const char* name;
   double WaitCosts::*member;
 };
-constexpr WaitField kWaits[] = {
-    {"park_ns", &WaitCosts::park_ns},           {"check_ns", &WaitCosts::check_ns},
-    {"wake_call_ns", &WaitCosts::wake_call_ns}, {"wake_delay_ns", &WaitCosts::wake_delay_ns},
-    {"pause_ns", &WaitCosts::pause_ns},         {"yield_ns", &WaitCosts::yield_ns},
-    {"clock_ns", &WaitCosts::clock_ns},         {"start_ns", &WaitCosts::start_ns}};
+constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},   {"check_ns", &WaitCosts::check_ns},
+                                {"pause_ns", &WaitCosts::pause_ns}, {"yield_ns", &WaitCosts::yield_ns},
+                                {"clock_ns", &WaitCosts::clock_ns}, {"start_ns", &WaitCosts::start_ns}};
 
 Calibration parse(const Json& j) {
   if (!j.is_object() || j.value("format", "") != kFormat) throw std::runtime_error("this is no calibration");
@@ -65,6 +63,8 @@ Calibration parse(const Json& j) {
   c.is_transfer_measured = j.value("transfer_measured", false);
   for (const WaitField& field : kWaits)
     c.waits.*field.member = number_at(j.value("waits", Json()), field.name);
+  read_numbers(j["waits"], "wake_call_ns", c.waits.wake_call_ns.ns);
+  read_numbers(j["waits"], "wake_delay_ns", c.waits.wake_delay_ns.ns);
   read_numbers(j["waits"], "lock_ns", c.waits.lock_ns);
   c.harness_query_ns = number_at(j, "harness_query_ns");
   const Json all = j.value("costs", Json::object());
@@ -118,6 +118,8 @@ nlohmann::ordered_json Calibration::to_json() const {
             {"transfer_ns", transfers.ns},
             {"transfer_measured", is_transfer_measured}};
   for (const WaitField& field : kWaits) j["waits"][field.name] = waits.*field.member;
+  j["waits"]["wake_call_ns"] = waits.wake_call_ns.ns;
+  j["waits"]["wake_delay_ns"] = waits.wake_delay_ns.ns;
   j["waits"]["lock_ns"] = waits.lock_ns;
   j["harness_query_ns"] = harness_query_ns;
   if (validation) {

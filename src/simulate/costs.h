@@ -63,9 +63,17 @@ struct CacheCosts {
   double outside_insert_ns = 0.0;
   double merge_record_ns = 0.0;  ///< of end_frame, for each record inserted since the last
   double trial_ns = 0.0;  ///< of a whole trial on one thread without work or merge: what the costs add up to
+  double query_ns =
+      0.0;  ///< of that, a query in the mean, what is around it not included; likewise an insert
+  double insert_ns = 0.0;
+  /// The same by itself: from when all before it is done until it is, in the mean of a trial; 0 if not measured.
+  double query_alone_ns = 0.0, insert_alone_ns = 0.0;
 
-  /// All but what depends on other cores and on merges.
+  /// All but what depends on other cores and on merges, and what was measured of operations by themselves.
   void scale(double by);
+  /// The same sum, in which no operation takes longer than by itself: the rest is around it. One who takes a lock has
+  /// the processor finish everything first, and what comes after begins late; that is not time that the lock is held.
+  CacheCosts by_themselves() const;
 
   nlohmann::ordered_json to_json() const;
   /// Throws std::runtime_error with one line if a field is missing or no number >= 0.

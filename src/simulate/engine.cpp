@@ -69,7 +69,7 @@ class Engine {
         setup_(setup),
         machine_(setup.machine),
         mechanism_(setup.mechanism),
-        operations_(setup.costs.operations),
+        costs_(setup.costs.by_themselves()),
         beside_lock_ns_(0.5 * setup.waits.lock_ns[static_cast<std::size_t>(setup.mechanism.lock)]),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
@@ -193,8 +193,8 @@ class Engine {
   void approach(unsigned t, Stage stage, double time) {
     threads_[t].stage = stage;
     threads_[t].is_inside = false;
-    const CacheCosts& c = setup_.costs;
-    push(t, time + (stage == Stage::insert ? c.outside_insert_ns : c.outside_query_ns) + beside_lock_ns_);
+    push(t, time + (stage == Stage::insert ? costs_.outside_insert_ns : costs_.outside_query_ns) +
+                beside_lock_ns_);
   }
 
   void arrive(unsigned t, double time) {
@@ -288,9 +288,11 @@ class Engine {
     double end = time + shown.transfer_ns;
     if (mechanism_.has_clock) end = clock_.read(machine_, t, end);
     out_.transfer_ns += end - time;
-    const double ns =
-        (operations_.query.at(visible(thread)) + operations_.valid_ns * static_cast<double>(shown.valid)) *
-        operations_.query_spread.draw(random_);
+    const OperationCosts& of = costs_.operations;
+    const double ns = (of.query.at(visible(thread)) + of.valid_ns * static_cast<double>(shown.valid)) *
+                      of.query_spread.draw(random_);
+    ++out_.visits;
+    out_.query_ns += ns;
     if (mechanism_.node_locks == NodeLocks::in_turn) return lock_in_turn(t, end, ns);
     if (mechanism_.node_locks == NodeLocks::together) return lock_together(t, end, ns);
     return end + held(ns);
@@ -313,7 +315,10 @@ class Engine {
   }
 
   double insert_ns(const Thread& thread) {
-    return operations_.insert.at(visible(thread)) * operations_.insert_spread.draw(random_);
+    const OperationCosts& of = costs_.operations;
+    const double ns = of.insert.at(visible(thread)) * of.insert_spread.draw(random_);
+    out_.insert_ns += ns;
+    return ns;
   }
 
   /// Of an operation that takes `ns`, what is not taking the lock and giving it back.
@@ -366,7 +371,8 @@ class Engine {
     const unsigned from = fresh_.see(id, core);
     if (from == FreshRecords::kNobody) return 0.0;
     const double near = machine_.transfers.ns[0];
-    return near > 0.0 ? operations_.fresh_ns * machine_.transfer_ns(from, core) / near : operations_.fresh_ns;
+    const double ns = costs_.operations.fresh_ns;
+    return near > 0.0 ? ns * machine_.transfer_ns(from, core) / near : ns;
   }
 
   /// Records on which the cost of a query or an insert of the thread depends.
@@ -381,7 +387,7 @@ class Engine {
     fresh_.clear();
     double merge = 0.0;
     for (unsigned t = 0; t < threads_.size(); ++t) {
-      const double mine = static_cast<double>(threads_[t].own) * setup_.costs.merge_record_ns;
+      const double mine = static_cast<double>(threads_[t].own) * costs_.merge_record_ns;
       if (mechanism_.merge == Mechanism::Merge::serial) merge += mine;
       // One helper after the other is started (core/parallel.h).
       if (mechanism_.merge == Mechanism::Merge::parallel)
@@ -415,7 +421,7 @@ class Engine {
   const SimulatedSetup& setup_;
   const MachineModel& machine_;
   const Mechanism mechanism_;
-  const OperationCosts operations_;
+  const CacheCosts costs_;
   const double beside_lock_ns_;  // before it is held, and after
   std::vector<Thread> threads_;  // thread t on core t
   FreshRecords fresh_;

@@ -63,6 +63,9 @@ struct SimulatedOutcome {
   double lock_wait_ns = 0.0;  ///< of all threads, from finding a lock taken to having it
   double work_ns = 0.0;       ///< of all threads, computing records
   double transfer_ns = 0.0;   ///< of all threads, waiting for cache lines inside operations
+  double query_ns = 0.0;      ///< by costs of queries and visits alone, of all threads
+  double insert_ns = 0.0;     ///< by those of inserts
+  std::uint64_t visits = 0;   ///< queries, and those that only look at what there is
   std::uint64_t operations = 0;
   std::uint64_t queries = 0, hits = 0, inserts = 0, refused = 0;
   std::uint64_t lock_acquisitions = 0, lock_contended = 0;

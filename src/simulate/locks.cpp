@@ -6,6 +6,16 @@
 #include <vector>
 
 namespace icbench {
+
+double BySleep::after(double slept) const noexcept {
+  const double place = slept > slept_ns(0) ? std::log2(slept / slept_ns(0)) : 0.0;
+  const double last = static_cast<double>(kSleeps - 1);
+  const double low = std::min(std::floor(place), last);
+  const double part = std::clamp(place - low, 0.0, 1.0);
+  const auto i = static_cast<std::size_t>(low);
+  return ns[i] + part * (ns[std::min(i + 1, kSleeps - 1)] - ns[i]);
+}
+
 namespace {
 
 /// Turns of a loop that waits: so many of one pause, then of two, four, up to the longest, and then the processor is
@@ -52,11 +62,12 @@ class Model : public VirtualLock {
   }
   /// When one who sleeps, or is about to, goes on, if somebody calls for it at t.
   double awake(const Waiting& sleeper, double t) const noexcept {
-    return is_asleep(sleeper, t) ? t + costs_.wake_delay_ns : sleeper.since + costs_.park_ns;
+    return is_asleep(sleeper, t) ? t + costs_.wake_delay_ns.after(t - sleeper.since)
+                                 : sleeper.since + costs_.park_ns;
   }
   /// Of the one who calls.
   double call_ns(const Waiting& sleeper, double t) const noexcept {
-    return is_asleep(sleeper, t) ? costs_.wake_call_ns : costs_.park_ns;
+    return is_asleep(sleeper, t) ? costs_.wake_call_ns.after(t - sleeper.since) : costs_.park_ns;
   }
   static void forget(std::vector<Waiting>& waiting, unsigned thread) {
     std::erase_if(waiting, [&](const Waiting& w) { return w.visitor.thread == thread; });

@@ -34,17 +34,36 @@ namespace icbench {
 enum class LockKind : std::uint8_t { none, mutex, spin, queue, futex_rw, spin_rw, distributed_rw };
 inline constexpr std::size_t kLockKinds = 7;
 
+/// What waking a thread takes, nanoseconds, by how long it has slept: a processor that has just gone idle is still
+/// looking whether there is work, or on its way to being halted, or halted, which a virtual one leaves slowly.
+struct BySleep {
+  static constexpr std::size_t kSleeps = 8;
+  /// What entry i is of: 500 ns, doubled each time.
+  static constexpr double slept_ns(std::size_t i) noexcept {
+    return 500.0 * static_cast<double>(std::uint64_t{1} << i);
+  }
+  static BySleep always(double ns) noexcept {
+    BySleep out;
+    out.ns.fill(ns);
+    return out;
+  }
+  /// Linear in the logarithm between entries, constant beyond them.
+  double after(double slept) const noexcept;
+
+  std::array<double, kSleeps> ns{};  ///< each >= 0
+};
+
 /// What waiting costs, nanoseconds; measured by the calibration. The defaults are of the order of what was measured on
 /// virtual machines.
 struct WaitCosts {
   double park_ns = 700.0;   ///< a call to the kernel to sleep, or to wake, that has nothing to do
   double check_ns = 500.0;  ///< of it, until the kernel has looked at the word: who lets go later has to wake
-  double wake_call_ns = 1'000.0;   ///< of the thread that wakes another
-  double wake_delay_ns = 5'000.0;  ///< from the call to the woken thread's running
-  double pause_ns = 20.0;          ///< one turn of a spin loop
-  double yield_ns = 400.0;         ///< giving up the processor with nobody there to take it
-  double clock_ns = 30.0;          ///< reading the clock: who has waited does so while it holds the lock
-  double start_ns = 10'000.0;      ///< of starting a thread
+  BySleep wake_call_ns = BySleep::always(1'000.0);   ///< of the thread that wakes another
+  BySleep wake_delay_ns = BySleep::always(5'000.0);  ///< from the call to the woken thread's running
+  double pause_ns = 20.0;                            ///< one turn of a spin loop
+  double yield_ns = 400.0;                           ///< giving up the processor with nobody there to take it
+  double clock_ns = 30.0;      ///< reading the clock: who has waited does so while it holds the lock
+  double start_ns = 10'000.0;  ///< of starting a thread
   /// By LockKind: taking a lock that is free and giving it back, which is in the measured cost of an operation. Half of
   /// it is before the lock is held, half after.
   std::array<double, kLockKinds> lock_ns{};

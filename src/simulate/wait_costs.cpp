@@ -11,7 +11,6 @@
 
 #include "caches/locks.h"
 #include "core/sync.h"
-#include "harness/calibrated_work.h"
 #include "harness/statistics.h"
 #include "harness/thread_team.h"
 #include "harness/ticks.h"
@@ -48,11 +47,10 @@ long futex(Word& word, int operation, int value) {
 }
 
 /// One way: two threads take turns at a word, and one of them tells how long a round takes.
-double measured_transfer(ThreadTeam& two) {
+double measured_transfer(ThreadTeam& two, const TickRate& rate) {
   constexpr int kRounds = 20'000;
   Word word;
   std::vector<double> samples;
-  const TickRate rate = calibrate_ticks();
   two.run([&](unsigned t) {
     std::uint64_t last = ticks();
     for (int round = 0; round < kRounds; ++round) {
@@ -74,41 +72,6 @@ double measured_transfer(ThreadTeam& two) {
   return undisturbed(samples);
 }
 
-/// Of the thread that wakes another, and until that one runs.
-void measure_waking(ThreadTeam& two, WaitCosts& out) {
-  constexpr int kRounds = 200;
-  Word word;
-  std::atomic<int> asleep{-1};
-  std::vector<std::uint64_t> called(kRounds), returned(kRounds), woken(kRounds);
-  const TickRate rate = calibrate_ticks();
-  two.run([&](unsigned t) {
-    for (int round = 0; round < kRounds; ++round) {
-      if (t == 0) {
-        // Release: the sleeper's stamp of the round before is there. Paired with the acquire below.
-        asleep.store(round, std::memory_order_release);
-        while (word.value.load(std::memory_order_acquire) != round + 1) futex(word, FUTEX_WAIT, round);
-        woken[static_cast<std::size_t>(round)] = ticks();
-      } else {
-        for (unsigned turn = 0; asleep.load(std::memory_order_acquire) != round; ++turn)
-          NoHooks::wait_turn(turn);
-        // Long enough to have gone to sleep: work, so that this processor stays awake.
-        asm volatile("" ::"r"(do_work(20'000, static_cast<std::uint64_t>(round))));
-        word.value.store(round + 1, std::memory_order_release);
-        called[static_cast<std::size_t>(round)] = ticks();
-        futex(word, FUTEX_WAKE, 1);
-        returned[static_cast<std::size_t>(round)] = ticks();
-      }
-    }
-  });
-  std::vector<double> calls, delays;
-  for (std::size_t i = 0; i < kRounds; ++i) {
-    calls.push_back(rate.to_ns(returned[i] - called[i]));
-    delays.push_back(rate.to_ns(woken[i] > called[i] ? woken[i] - called[i] : 0));
-  }
-  out.wake_call_ns = undisturbed(calls);
-  out.wake_delay_ns = undisturbed(delays);
-}
-
 /// Reads so much memory that nothing of the kernel's stays near, as work between two calls does.
 class OtherWork {
  public:
@@ -122,10 +85,68 @@ class OtherWork {
   std::vector<unsigned char> memory_ = std::vector<unsigned char>(256u << 10, 1);
 };
 
+void wait_until(std::uint64_t tick) {
+  while (ticks() < tick) {
+  }
+}
+
+/// Of the thread that wakes another, and until that one runs, after so long a sleep.
+void measure_waking(ThreadTeam& two, const TickRate& rate, double slept_ns, std::vector<double>& calls,
+                    std::vector<double>& delays) {
+  constexpr int kRounds = 60;
+  Word word;
+  std::atomic<int> asleep{-1};
+  std::vector<std::uint64_t> since(kRounds), called(kRounds), returned(kRounds), woken(kRounds);
+  std::vector<bool> has_slept(kRounds);
+  OtherWork other_work;
+  two.run([&](unsigned t) {
+    for (int round = 0; round < kRounds; ++round) {
+      const auto i = static_cast<std::size_t>(round);
+      if (t == 0) {
+        other_work();
+        since[i] = ticks();
+        // Release: the stamps of this round and of the one before. Paired with the acquire below.
+        asleep.store(round, std::memory_order_release);
+        while (word.value.load(std::memory_order_acquire) != round + 1) futex(word, FUTEX_WAIT, round);
+        woken[i] = ticks();
+      } else {
+        for (unsigned turn = 0; asleep.load(std::memory_order_acquire) != round; ++turn)
+          NoHooks::wait_turn(turn);
+        wait_until(since[i] + static_cast<std::uint64_t>(slept_ns / rate.ns_per_tick));
+        word.value.store(round + 1, std::memory_order_release);
+        called[i] = ticks();
+        has_slept[i] = futex(word, FUTEX_WAKE, 1) == 1;
+        returned[i] = ticks();
+      }
+    }
+  });
+  for (std::size_t i = 0; i < kRounds; ++i) {
+    if (!has_slept[i]) continue;  // it was still on its way
+    calls.push_back(rate.to_ns(returned[i] - called[i]));
+    delays.push_back(rate.to_ns(woken[i] > called[i] ? woken[i] - called[i] : 0));
+  }
+}
+
+/// The same for all lengths of sleep; one too short to be slept is as the next longer.
+void measure_waking(ThreadTeam& two, const TickRate& rate, WaitCosts& out) {
+  for (std::size_t i = BySleep::kSleeps; i-- > 0;) {
+    std::vector<double> calls, delays;
+    measure_waking(two, rate, BySleep::slept_ns(i), calls, delays);
+    const bool has_longer = i + 1 < BySleep::kSleeps;
+    if (!calls.empty()) {
+      out.wake_call_ns.ns[i] = median(calls);
+      out.wake_delay_ns.ns[i] = median(delays);
+    } else if (has_longer) {
+      out.wake_call_ns.ns[i] = out.wake_call_ns.ns[i + 1];
+      out.wake_delay_ns.ns[i] = out.wake_delay_ns.ns[i + 1];
+    }
+  }
+}
+
 /// From a thread's call to sleep until the kernel has looked at the word: another thread changes the word after ever
 /// longer delays, and whoever is still in time sends the caller back; and how long a call takes that comes back so.
 /// `transfer_ns`: what the word takes to the kernel.
-void measure_calls_in_vain(ThreadTeam& two, double transfer_ns, WaitCosts& out) {
+void measure_calls_in_vain(ThreadTeam& two, const TickRate& rate, double transfer_ns, WaitCosts& out) {
   constexpr unsigned kDelays = 40, kEach = 15;
   constexpr double kStepNs = 20.0, kAheadNs = 3'000.0;
   Word word;
@@ -133,11 +154,6 @@ void measure_calls_in_vain(ThreadTeam& two, double transfer_ns, WaitCosts& out) 
   std::atomic<int> called{-1}, back{-1};  // the last turn in which it was
   std::vector<double> in_vain;
   OtherWork other_work;
-  const TickRate rate = calibrate_ticks();
-  const auto wait_until = [](std::uint64_t tick) {
-    while (ticks() < tick) {
-    }
-  };
   two.run([&](unsigned t) {
     for (unsigned i = 0; i < kDelays * kEach; ++i) {
       const int turn = static_cast<int>(i);
@@ -213,9 +229,10 @@ void measure_waits(WaitCosts& out) {
 }
 
 void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits) {
-  transfers.ns[0] = measured_transfer(two);
-  measure_waking(two, waits);
-  measure_calls_in_vain(two, transfers.ns[0], waits);
+  static const TickRate rate = calibrate_ticks();
+  transfers.ns[0] = measured_transfer(two, rate);
+  measure_waking(two, rate, waits);
+  measure_calls_in_vain(two, rate, transfers.ns[0], waits);
 }
 
 }  // namespace icbench

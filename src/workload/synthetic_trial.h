@@ -50,7 +50,7 @@ void run_stream(Session& session, const SyntheticPlan& plan, const Streams& stre
       continue;
     }
     ++out.queries;
-    const SurfacePoint& x = plan.points()[operation];
+    const SurfacePoint x = plan.points()[operation];  // at hand before anything is timed
     if (const auto E = sampler.run(out.query_ticks, session, [&] { return session.query(x); })) {
       ++out.hits;
       out.sum += E->x;
@@ -121,7 +121,8 @@ TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& se
   cache.begin_frame();
   const TeamTimes times = setup.team.run([&](unsigned t) {
     ThreadAccount* const account = setup.account(t);
-    const LatencySampler sampler(setup.latency_every, hash_keys(setup.seed, t, 6), account);
+    const LatencySampler sampler(setup.latency_every, hash_keys(setup.seed, t, 6), account,
+                                 setup.is_in_order);
     accounted(account, [&] { run_stream(sessions[t], plan, streams, t, work_units, sampler, *workers[t]); });
   });
   const FrameEnd frame_end = timed_end([&] { cache.end_frame(); });

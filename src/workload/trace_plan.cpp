@@ -150,7 +150,7 @@ std::uint64_t TracePlan::records_of_one_thread() const {
   for (const Trace::Range epoch : epochs_) {
     PlanCache cache(config(1));
     auto session = cache.open_session(0);
-    TraceWorker worker(0, 0, nullptr);
+    TraceWorker worker(LatencySampler(0, 0));
     const Trace::Range first = trace_.frames[epoch.begin].first;
     for (std::uint32_t i = first.begin; i < first.end; ++i) session.insert(trace_.records[i].record);
     for (std::uint32_t f = epoch.begin; f < epoch.end; ++f)

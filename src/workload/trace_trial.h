@@ -24,8 +24,7 @@ namespace icbench {
 
 /// One worker's state and results, on lines of its own.
 struct alignas(kNoSharing) TraceWorker {
-  TraceWorker(std::uint32_t latency_every, std::uint64_t seed, ThreadAccount* account)
-      : sampler(latency_every, seed, account) {}
+  explicit TraceWorker(const LatencySampler& s) : sampler(s) {}
 
   LatencySampler sampler;
   Histogram query_ticks;
@@ -47,7 +46,7 @@ void replay_tile(Session& session, const TracePlan& plan, const Trace::Tile& til
   const Trace& trace = plan.trace();
   for (std::uint32_t i = tile.begin; i < tile.end; ++i) {
     ++out.queries;
-    const SurfacePoint& x = trace.points[i];
+    const SurfacePoint x = trace.points[i];  // at hand before anything is timed
     const auto E = out.sampler.run(out.query_ticks, session, [&] { return session.query(x); });
     const TracedRecord& origin = trace.records[plan.origin(i)];
     const bool was_hit = plan.is_stand_in(i);
@@ -113,8 +112,8 @@ TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup) {
   setup.team.run([&](unsigned t) {
     sessions[t] = cache.open_session(t);
     sessions[t].prefault(expected);
-    workers[t] =
-        std::make_unique<TraceWorker>(setup.latency_every, hash_keys(setup.seed, t, 10), setup.account(t));
+    workers[t] = std::make_unique<TraceWorker>(LatencySampler(
+        setup.latency_every, hash_keys(setup.seed, t, 10), setup.account(t), setup.is_in_order));
   });
 
   TrialOutcome out;

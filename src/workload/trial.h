@@ -29,6 +29,9 @@ struct TrialSetup {
   const Work& work;
   std::uint64_t seed = 0;  ///< of the repetition; equal for all caches, so that they see the same operations
   std::uint32_t latency_every = 16;  ///< one operation in so many is timed, at random; 1 times all, 0 none
+  /// A timed operation begins when all before it is done, and ends before anything after it begins: its latency by
+  /// itself. Slows the trial; not with accounts.
+  bool is_in_order = false;
   /// Of the team's threads, if their time is to be accounted for; all operations are timed then.
   std::span<ThreadAccount> accounts{};
   Timeline* timeline = nullptr;  ///< takes the accounts' spans
@@ -80,8 +83,9 @@ std::uint64_t waited_ns(const Session& session) noexcept {
 /// the workload is sampled; all of them for an account.
 class LatencySampler {
  public:
-  LatencySampler(std::uint32_t every, std::uint64_t seed, ThreadAccount* account = nullptr) noexcept
-      : every_(account != nullptr ? 1 : every), random_(seed), account_(account) {
+  LatencySampler(std::uint32_t every, std::uint64_t seed, ThreadAccount* account = nullptr,
+                 bool is_in_order = false) noexcept
+      : every_(account != nullptr ? 1 : every), random_(seed), account_(account), is_in_order_(is_in_order) {
     rewind();
   }
 
@@ -95,9 +99,9 @@ class LatencySampler {
     rewind();
     constexpr bool kInserts = std::is_same_v<decltype(operation()), InsertResult>;
     constexpr Doing kDoing = kInserts ? Doing::insert : Doing::query;
-    const std::uint64_t start = account_ != nullptr ? account_->enter(kDoing, waited_ns(session)) : ticks();
+    const std::uint64_t start = account_ != nullptr ? account_->enter(kDoing, waited_ns(session)) : stamp();
     auto result = operation();
-    const std::uint64_t end = ticks();
+    const std::uint64_t end = stamp();
     histogram.record(end - start);
     if (account_ != nullptr) {
       bool missed = false;
@@ -110,12 +114,14 @@ class LatencySampler {
   ThreadAccount* account() const noexcept { return account_; }
 
  private:
+  std::uint64_t stamp() const noexcept { return is_in_order_ ? ticks_in_order() : ticks(); }
   void rewind() noexcept { left_ = every_ == 0 ? ~0ull : random_.below(2 * every_ - 1); }
 
   std::uint32_t every_;
   std::uint64_t left_;
   Pcg32 random_;
   ThreadAccount* account_;
+  bool is_in_order_;
 };
 
 /// Runs f on a thread, within its account if it has one.
