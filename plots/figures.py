@@ -44,6 +44,8 @@ COMPARISON_FIGURES = [run_differences.FIGURE]
 PREEMPTION_FIGURES = [preemption.FIGURE]
 # Of what icbench simulate made: nothing that was measured.
 SIMULATED_FIGURES = [simulated.FIGURE]
+# Of a sweep that accounted for its time, apart from what is measured otherwise.
+BREAKDOWN_FIGURES = [time_breakdown.FIGURE]
 # Of one trial each.
 TIMELINE_FIGURES = [timeline.FIGURE]
 # Of what was checked.

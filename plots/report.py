@@ -16,6 +16,7 @@ from PIL import Image
 
 import anatomy_page
 import anatomy_results
+import breakdown_page
 import choice_page
 import comparison_page
 import correctness
@@ -36,8 +37,8 @@ import timeline_results
 from cautions import cautions
 from comparison import Comparison, comparisons
 from figure import Omitted, Written, folder_of, parser, write
-from figures import (ANATOMY_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES, PARETO_FIGURES,
-                     PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES, TIMELINE_FIGURES)
+from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES,
+                     PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES, TIMELINE_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -51,6 +52,7 @@ kRepeatability = "repeatability*.json"
 kAnatomy = "anatomy*.json"
 kPreemption = "preempt*.json"
 kTimelines = "timeline*.json"
+kBreakdowns = "breakdown*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -259,6 +261,17 @@ def _measured(found: list[pareto_results.Measured], figures: list, page, out: Pa
     return made
 
 
+def _breakdowns(found: list[Setup], out: Path) -> str:
+    """Where time went, machine by machine."""
+    made, folder = "", out / "figures" / "breakdown"
+    for one in found:
+        drawn, left_out = _draw(BREAKDOWN_FIGURES, one, folder_of(one, found, folder))
+        anchor = f"breakdown-{one.slug}"
+        shown = "".join(_figure(done.figure.title, done, f"{anchor}-", out) for done in drawn)
+        made += breakdown_page.section(one, anchor, shown + "".join(map(note_line, left_out)), len(found) > 1)
+    return made
+
+
 def _differences(found: list[Comparison], out: Path) -> str:
     """What differs between the runs, pair by pair."""
     made = f'<h2 class="flow" id="differences">{comparison_page.kTitle}</h2>'
@@ -281,11 +294,12 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
 
 def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path],
           anatomy: list[Path], out: Path, command: str, preemption: list[Path] = (),
-          timelines: list[Path] = ()) -> Path:
+          timelines: list[Path] = (), breakdowns: list[Path] = ()) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
     `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names, `anatomy`
-    of the program of that name, `preemption` of icbench preempt, `timelines` of icbench sweep --timeline.
+    of the program of that name, `preemption` of icbench preempt, `timelines` of icbench sweep --timeline and
+    `breakdowns` of icbench sweep --breakdown.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
@@ -294,6 +308,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     apart = anatomy_results.load(anatomy)
     stopped = preemption_results.load(preemption)
     drawn = timeline_results.load(timelines)
+    accounted = load(breakdowns) if breakdowns else []
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -317,11 +332,13 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         further |= {one.slug: "All methods" for one in compared[:1]}
         further |= {one.slug: "What threads add" for one in repeated[:1]}
         further |= {one.slug: preemption_page.kTitle for one in stopped[:1]}
+        further |= {f"breakdown-{one.slug}": breakdown_page.kTitle for one in accounted[:1]}
         further |= {one.slug: timeline_page.kTitle for one in drawn[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
     body += _measured(compared, PARETO_FIGURES, pareto_page, out)
     body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
+    body += _breakdowns(accounted, out)
     body += _measured(stopped, PREEMPTION_FIGURES, preemption_page, out)
     body += _measured(drawn, TIMELINE_FIGURES, timeline_page, out)
     body += _measured(apart, ANATOMY_FIGURES, anatomy_page, out)
@@ -347,6 +364,8 @@ def main() -> int:
                          help=f"results of icbench preempt (default: {kPreemption} beside RESULTS)")
     options.add_argument("--timelines", action="append", metavar="FILE", type=Path,
                          help=f"timelines of icbench sweep (default: {kTimelines} beside RESULTS)")
+    options.add_argument("--breakdowns", action="append", metavar="FILE", type=Path,
+                         help=f"results of icbench sweep --breakdown (default: {kBreakdowns} beside RESULTS)")
     arguments = options.parse_args()
     verdicts = arguments.correctness or _verdicts_beside(arguments.results)
     pareto = arguments.pareto or _beside(arguments.results, kPareto)
@@ -354,10 +373,11 @@ def main() -> int:
     anatomy = arguments.anatomy or _beside(arguments.results, kAnatomy)
     preemption = arguments.preemption or _beside(arguments.results, kPreemption)
     timelines = arguments.timelines or _beside(arguments.results, kTimelines)
+    breakdowns = arguments.breakdowns or _beside(arguments.results, kBreakdowns)
     out = arguments.out or arguments.results[0].parent
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
-                    timelines))
+                    timelines, breakdowns))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

@@ -454,16 +454,20 @@ class Correctness(InFolder):
 
 
 class Stopped(InFolder):
-    """What happens to others when a thread is held, and timelines, as parts of the report."""
+    """What happens to others when a thread is held, timelines, and where time goes, as parts of the report."""
 
     def test_files_beside_the_results_are_taken_up(self):
         path = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
         write_results(self.folder / "preempt.json", model_preempt())
         write_results(self.folder / "timeline.json", model_timeline())
+        self.results("breakdown.json", workloads=("miss_driven:cost=4",), threads=(1, 2), repetitions=1)
         self.good("report.py", path)
         page = (self.folder / "report.html").read_text()
         for figure in ("preemption", "timeline", "time_breakdown"):
             self.assertTrue((self.folder / "figures" / f"{figure}.csv").exists(), figure)
+        workloads = {line["workload"] for line in read_csv(self.folder / "figures/breakdown/time_breakdown.csv")}
+        self.assertEqual(workloads, {"miss_driven:cost=4"})
+        self.assertRegex(page, r'<a href="#(breakdown-[^"]+)">Where the time goes</a>(?s:.*)<h2 id="\1">Where the time goes')
         self.assertIn(">When a thread is held</h2>", page)
         self.assertIn(">Timeline: a/b/threads:2</h2>", page)
         # The mutex: half of the others' time, and a longest query of 11 ms; nobody else waits.

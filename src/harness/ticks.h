@@ -32,17 +32,19 @@ inline std::uint64_t ticks() noexcept {
 #endif
 }
 
-/// The same once every earlier instruction is done, before any later one begins: for what a single operation takes by
-/// itself, without what the processor does of the next one meanwhile. Without such an instruction, as ticks().
+/// The same once every earlier instruction is done and what it wrote is there for others, before any later one begins:
+/// for what a single operation takes by itself, without what the processor does of others meanwhile. Without such
+/// instructions, as ticks().
 inline std::uint64_t ticks_in_order() noexcept {
 #if defined(__x86_64__)
+  _mm_mfence();
   _mm_lfence();
   const std::uint64_t value = __rdtsc();
   _mm_lfence();
   return value;
 #elif defined(__aarch64__)
   std::uint64_t value;
-  asm volatile("isb\n\tmrs %0, cntvct_el0\n\tisb" : "=r"(value)::"memory");
+  asm volatile("dsb ish\n\tisb\n\tmrs %0, cntvct_el0\n\tisb" : "=r"(value)::"memory");
   return value;
 #else
   return ticks();
