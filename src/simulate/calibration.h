@@ -2,8 +2,9 @@
 //
 // Of the machine: a line's transfer between two cores (where it has two), sleeping, waking, spinning, starting a thread.
 // Of each cache and workload: queries and inserts by records that are there, on one core, their sum matched to a real
-// trial; what it takes to read a record that another core has inserted, on two cores that take turns; and merging.
-// Times are those of the thread's processor, so that other programs on the machine disturb little.
+// trial, and what they take by themselves, which is what they hold a lock for; what it takes to read a record that
+// another core has inserted, on two cores that take turns; and merging. Times are those of the thread's processor, so
+// that other programs on the machine disturb little.
 //
 // The file is JSON. One that is there is used as it is, whichever machine it is from, and gets costs that it lacks
 // added, if it is from this one. What a simulation is worth, the file knows as well: the outcome of a validation.
@@ -64,7 +65,7 @@ void write_calibration(const Calibration& calibration, const std::string& path);
 /// What waiting takes one thread; a few hundredths of a second.
 void measure_waits(WaitCosts& out);
 
-/// What depends on how far apart two cores are and on waking, of threads on two of them; some hundredths of a second.
+/// What depends on how far apart two cores are and on waking, of threads on two of them; about a tenth of a second.
 /// On a virtual machine this changes from minute to minute, as its processors are moved about.
 void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits);
 

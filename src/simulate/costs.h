@@ -63,10 +63,9 @@ struct CacheCosts {
   double outside_insert_ns = 0.0;
   double merge_record_ns = 0.0;  ///< of end_frame, for each record inserted since the last
   double trial_ns = 0.0;  ///< of a whole trial on one thread without work or merge: what the costs add up to
-  double query_ns =
-      0.0;  ///< of that, a query in the mean, what is around it not included; likewise an insert
-  double insert_ns = 0.0;
-  /// The same by itself: from when all before it is done until it is, in the mean of a trial; 0 if not measured.
+  /// Of that, a query and an insert in the mean, without what is around them.
+  double query_ns = 0.0, insert_ns = 0.0;
+  /// The same by themselves: from when all before is done until what they wrote is there; 0 if not measured.
   double query_alone_ns = 0.0, insert_alone_ns = 0.0;
 
   /// All but what depends on other cores and on merges, and what was measured of operations by themselves.
