@@ -13,6 +13,7 @@
 #include <string>
 #include <thread>
 
+#include "core/sync.h"
 #include "harness/held_thread.h"
 #include "harness/perf_counters.h"
 #include "harness/time_account.h"
@@ -314,22 +315,21 @@ TEST(PerfCounters, CountWhatTheThreadDoesBetweenStartAndStop) {
 TEST(HeldThread, IsHeldWithinAnOperationAndNotBetween) {
   if (kSignalsWait) GTEST_SKIP() << "signals come late here";
   HeldThread held(1);
-  std::binary_semaphore between{0}, within{0}, go_on{0}, done{0};
+  // 0 between operations, 1 to begin one, 2 within it, 3 to end it. The victim runs all the time, as it must.
+  std::atomic<int> stage{0};
   std::thread victim([&] {
     held.attach();
-    between.release();
-    go_on.acquire();
+    while (stage.load(std::memory_order_acquire) != 1) spin_pause();
     held.mark(true);
-    within.release();
-    done.acquire();
+    stage.store(2, std::memory_order_release);
+    while (stage.load(std::memory_order_acquire) != 3) spin_pause();
     held.mark(false);
   });
   ASSERT_TRUE(held.await_attached());
-  between.acquire();
   EXPECT_FALSE(held.hold());
   EXPECT_EQ(held.missed(), 1u);
-  go_on.release();
-  within.acquire();
+  stage.store(1, std::memory_order_release);
+  while (stage.load(std::memory_order_acquire) != 2) std::this_thread::yield();
   EXPECT_TRUE(held.hold());
   EXPECT_TRUE(held.hold());
   EXPECT_EQ(held.holds(), 2u);
@@ -337,6 +337,24 @@ TEST(HeldThread, IsHeldWithinAnOperationAndNotBetween) {
   held.ended();
   EXPECT_FALSE(held.hold()) << "the region is over";
   EXPECT_FALSE(held.pause(std::chrono::hours(1)));
+  stage.store(3, std::memory_order_release);
+  victim.join();
+}
+
+/// One who waits in the kernel is not preempted, and a region that ends meanwhile is not kept up by that.
+TEST(HeldThread, IsNotWaitedForWhenItSleepsAsTheRegionEnds) {
+  if (kSignalsWait) GTEST_SKIP() << "signals come late here";
+  HeldThread held(60'000);
+  std::binary_semaphore done{0};
+  std::thread victim([&] {
+    held.attach();
+    held.mark(true);
+    done.acquire();
+  });
+  ASSERT_TRUE(held.await_attached());
+  auto holding = std::async(std::launch::async, [&] { return held.hold(); });
+  held.ended();  // before, while or after the hold is asked for
+  holding.wait();
   done.release();
   victim.join();
 }

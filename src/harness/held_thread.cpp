@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <poll.h>
+#include <pthread.h>
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
@@ -55,6 +56,7 @@ HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
 }
 
 HeldThread::~HeldThread() {
+  if (has_timer_) timer_delete(timer_);
   sigaction(signal_number(), &before_, nullptr);
   current_.store(nullptr, std::memory_order_release /* H3 */);
   sem_destroy(&attached_);
@@ -65,6 +67,13 @@ HeldThread::~HeldThread() {
 
 void HeldThread::attach() noexcept {
   thread_ = static_cast<pid_t>(syscall(SYS_gettid));
+  clockid_t processor_time{};
+  sigevent to_this_thread{};
+  to_this_thread.sigev_notify = SIGEV_THREAD_ID;
+  to_this_thread.sigev_signo = signal_number();
+  to_this_thread._sigev_un._tid = thread_;  // the C library has no other name for it
+  has_timer_ = pthread_getcpuclockid(pthread_self(), &processor_time) == 0 &&
+               timer_create(processor_time, &to_this_thread, &timer_) == 0;
   sem_post(&attached_);
 }
 
@@ -75,7 +84,8 @@ void HeldThread::ended() noexcept {
   // A pipe takes one byte for certain; if it did not, the hold would end by its time.
   [[maybe_unused]] const ssize_t written = write(release_[1], &byte, 1);
   over_.release();
-  sem_post(&attached_);  // who waits for a thread that never came waits no longer
+  sem_post(&attached_);  // who waits for a thread that never came waits no longer,
+  sem_post(&answered_);  // nor for one that does not run any more
 }
 
 bool HeldThread::await_attached() {
@@ -83,9 +93,29 @@ bool HeldThread::await_attached() {
   return !is_over_.load(std::memory_order_acquire /* H1 */);
 }
 
+bool HeldThread::interrupt() noexcept {
+  itimerspec at_once{};
+  at_once.it_value.tv_nsec = 1;
+  if (has_timer_) return timer_settime(timer_, 0, &at_once, nullptr) == 0;
+  return syscall(SYS_tgkill, getpid(), thread_, signal_number()) == 0;
+}
+
+bool HeldThread::is_interrupted() noexcept {
+  if (!has_timer_) return true;
+  const itimerspec never{};
+  itimerspec left{};
+  timer_settime(timer_, 0, &never, &left);
+  return left.it_value.tv_sec == 0 && left.it_value.tv_nsec == 0;
+}
+
 bool HeldThread::hold() {
-  if (syscall(SYS_tgkill, getpid(), thread_, signal_number()) != 0) return false;
+  if (is_over_.load(std::memory_order_acquire /* H1 */) || !interrupt()) return false;
   await(answered_);
+  if (is_over_.load(std::memory_order_acquire /* H1 */)) {
+    // Whoever ended the region answers, too, once: the thread itself only if it was interrupted.
+    if (!is_interrupted()) return false;
+    await(answered_);
+  }
   if (!was_held_) {
     ++missed_;
     return false;

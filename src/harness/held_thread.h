@@ -1,7 +1,11 @@
 // Stops a thread in the middle of what it does, for a set time: a preemption on purpose.
 //
-// The thread marks where it is (in an operation or between two); another one sends it a signal at a moment of its own
+// The thread marks where it is (in an operation or between two); another one has it interrupted at a moment of its own
 // choosing, and the handler, which runs wherever the thread was interrupted, holds it there if that was in an operation.
+// A timer on the thread's own processor time interrupts it, so that this happens as the scheduler does it, at a tick and
+// while it runs. A signal that is sent reaches a thread most easily in a system call, which is where it waits for a lock
+// and seldom where it has one; it is sent only where the system has no such timers.
+//
 // The hold is timed by poll on a pipe, and ends early when the pipe is written to. Everything the handler calls is
 // async-signal-safe: poll, clock_gettime, sem_post and lock-free atomics.
 //
@@ -10,6 +14,7 @@
 
 #include <semaphore.h>
 #include <sys/types.h>
+#include <time.h>
 
 #include <atomic>
 #include <chrono>
@@ -45,8 +50,8 @@ class HeldThread {
   bool await_attached();
   /// Waits for `pause`. False if the region is over by then.
   bool pause(std::chrono::nanoseconds pause) { return !over_.try_acquire_for(pause); }
-  /// Interrupts the thread; returns when it has answered, which is after the hold. True if it was held, false if it was
-  /// between operations.
+  /// Interrupts the thread when it runs next; returns when it has answered, which is after the hold. True if it was held,
+  /// false if it was between operations or the region was over first.
   bool hold();
 
   unsigned holds() const noexcept { return holds_; }
@@ -56,6 +61,10 @@ class HeldThread {
  private:
   static void handle(int) noexcept;
   void stop_here() noexcept;
+  /// The signal comes: when the thread runs, or now.
+  bool interrupt() noexcept;
+  /// It comes no more; true if it was on its way already.
+  bool is_interrupted() noexcept;
 
   // H2  constructor: CAS acq_rel -> handle: load acquire; publishes the object.
   // H3  destructor: store release -> constructor: CAS; who makes the next one finds this one finished.
@@ -66,10 +75,12 @@ class HeldThread {
   struct sigaction before_ {};
   sem_t attached_, answered_;
   std::binary_semaphore over_{0};
-  // H1  ended: exchange -> stop_here, await_attached: load acquire; nothing but that the region is over.
+  // H1  ended: exchange -> stop_here, hold, await_attached: load acquire; nothing but that the region is over.
   std::atomic<bool> is_over_{false};
   std::atomic<bool> in_operation_{false};
-  pid_t thread_ = 0;  // published by attached_
+  pid_t thread_ = 0;  // published by attached_, as is the timer
+  timer_t timer_{};
+  bool has_timer_ = false;
   // Written by the handler, read after answered_, which orders them.
   bool was_held_ = false;
   double last_ns_ = 0.0;
