@@ -203,15 +203,16 @@ def _simulated(setup: Setup, folder: Path, out: Path, prefix: str) -> str:
     return simulated_page.kLead + made if made else ""
 
 
-def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, further: dict[str, str]) -> str:
-    """Everything about one setup; its figures are written to `folder`, which lies in `out`. `further`: links to
+def section(setup: Setup, figures: list, folder: Path, out: Path, command: str, prefix: str,
+            further: dict[str, str]) -> str:
+    """Everything about one setup; its `figures` are written to `folder`, which lies in `out`. `further`: links to
     the rest of the page, name by anchor.
     """
-    drawn, left_out = _draw(FIGURES, setup, folder)
+    drawn, left_out = _draw(figures, setup, folder)
     laws = next((pd.read_csv(done.csv) for done in drawn if done.figure.name == "scaling_law"), None)
-    figures = "".join(map(note_line, left_out))
-    figures += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
-                       for number, done in enumerate(drawn, 1))
+    shown = "".join(map(note_line, left_out))
+    shown += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
+                     for number, done in enumerate(drawn, 1))
     numbers = ('<p class="note">Median [low, high] over repetitions; shaded columns are oversubscribed.</p>'
                f"<h3>Speed against error</h3>{tables.errors(setup)}{tables.throughput(setup)}"
                f"{tables.scaling_laws(laws)}")
@@ -221,7 +222,7 @@ def section(setup: Setup, folder: Path, out: Path, command: str, prefix: str, fu
         ("leaders", "Best mechanism per workload", "Best mechanisms", False, tables.best_mechanisms(setup)),
         ("pictures", "Scenes", "Scenes", False, _pictures(setup)),
         ("explore", "Explore", "Explore", False, explorer.section(setup, prefix)),
-        ("figures", "Figures", "Figures", True, figures),
+        ("figures", "Figures", "Figures", True, shown),
         ("more-cores", simulated_page.kTitle, "Simulated", True, _simulated(setup, folder, out, prefix)),
         ("tables", "Tables", "Tables", True, numbers),
         ("environment", "Environment", "Environment", True, _environment(setup, command))]
@@ -335,7 +336,10 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         further |= {f"breakdown-{one.slug}": breakdown_page.kTitle for one in accounted[:1]}
         further |= {one.slug: timeline_page.kTitle for one in drawn[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
-        body += section(setup, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
+        # What has a part of its own is not missed here.
+        apart = BREAKDOWN_FIGURES if accounted and "time_unexplained" not in setup.rows else []
+        figures = [figure for figure in FIGURES if figure not in apart]
+        body += section(setup, figures, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
     body += _measured(compared, PARETO_FIGURES, pareto_page, out)
     body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
     body += _breakdowns(accounted, out)

@@ -141,7 +141,8 @@ void add_preempt(CLI::App& app) {
       ->capture_default_str();
   add_whole(command, "--hold-ms", o->hold_ms, 1u, 60'000u, "Length of every hold, milliseconds");
   add_whole(command, "--pause-ms", o->pause_ms, 1u, 60'000u,
-            "Mean time between two holds, milliseconds; drawn from 0.5 to 1.5\ntimes that");
+            "Mean time between two holds, milliseconds; drawn from 0.5 to 1.5\ntimes that, and then the next "
+            "tick that finds it in an operation");
   add_whole(command, "--repetitions", o->repetitions, 1u, 100'000u,
             "Repetitions of every cache, with a thread held and without");
   add_whole(command, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},

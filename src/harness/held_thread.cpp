@@ -40,6 +40,7 @@ HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
                                          std::generic_category().message(errno)));
   sem_init(&attached_, 0, 0);
   sem_init(&answered_, 0, 0);
+  sem_init(&called_off_, 0, 0);
   HeldThread* none = nullptr;
   // relaxed: nothing is read on failure.
   if (!current_.compare_exchange_strong(none, this, std::memory_order_acq_rel /* H2, H3 */,
@@ -49,8 +50,8 @@ HeldThread::HeldThread(unsigned hold_ms) : hold_ms_(static_cast<int>(hold_ms)) {
     throw std::runtime_error("a thread is being held already; one at a time");
   }
   struct sigaction action {};
-  action.sa_handler = [](int number) { handle(number); };
-  action.sa_flags = SA_RESTART;  // waits that are interrupted go on
+  action.sa_sigaction = [](int, siginfo_t* signal, void*) { handle(*signal); };
+  action.sa_flags = SA_SIGINFO | SA_RESTART;  // waits that are interrupted go on
   sigemptyset(&action.sa_mask);
   sigaction(signal_number(), &action, &before_);
 }
@@ -61,6 +62,7 @@ HeldThread::~HeldThread() {
   current_.store(nullptr, std::memory_order_release /* H3 */);
   sem_destroy(&attached_);
   sem_destroy(&answered_);
+  sem_destroy(&called_off_);
   close(release_[0]);
   close(release_[1]);
 }
@@ -93,27 +95,31 @@ bool HeldThread::await_attached() {
   return !is_over_.load(std::memory_order_acquire /* H1 */);
 }
 
+bool HeldThread::send() noexcept { return syscall(SYS_tgkill, getpid(), thread_, signal_number()) == 0; }
+
 bool HeldThread::interrupt() noexcept {
   itimerspec at_once{};
   at_once.it_value.tv_nsec = 1;
-  if (has_timer_) return timer_settime(timer_, 0, &at_once, nullptr) == 0;
-  return syscall(SYS_tgkill, getpid(), thread_, signal_number()) == 0;
+  return has_timer_ ? timer_settime(timer_, 0, &at_once, nullptr) == 0 : send();
 }
 
-bool HeldThread::is_interrupted() noexcept {
-  if (!has_timer_) return true;
+// Whether a timer that is disarmed still delivers a signal that was on its way depends on the system. Signals of one
+// number come to a thread in their order: when one that was sent has come, no other does.
+void HeldThread::call_off() noexcept {
   const itimerspec never{};
-  itimerspec left{};
-  timer_settime(timer_, 0, &never, &left);
-  return left.it_value.tv_sec == 0 && left.it_value.tv_nsec == 0;
+  timer_settime(timer_, 0, &never, nullptr);
+  if (send()) await(called_off_);
 }
 
 bool HeldThread::hold() {
   if (is_over_.load(std::memory_order_acquire /* H1 */) || !interrupt()) return false;
   await(answered_);
   if (is_over_.load(std::memory_order_acquire /* H1 */)) {
-    // Whoever ended the region answers, too, once: the thread itself only if it was interrupted.
-    if (!is_interrupted()) return false;
+    // Whoever ended the region answers once, and the thread itself, which may not run any more, perhaps.
+    if (has_timer_) {
+      call_off();
+      return false;  // nor does a hold count that the end of the region cut short
+    }
     await(answered_);
   }
   if (!was_held_) {
@@ -125,9 +131,14 @@ bool HeldThread::hold() {
   return true;
 }
 
-void HeldThread::handle(int) noexcept {
+void HeldThread::handle(const siginfo_t& signal) noexcept {
   const int saved = errno;
-  if (HeldThread* self = current_.load(std::memory_order_acquire /* H2 */)) self->stop_here();
+  if (HeldThread* self = current_.load(std::memory_order_acquire /* H2 */)) {
+    if (self->has_timer_ && signal.si_code == SI_TKILL)
+      sem_post(&self->called_off_);
+    else
+      self->stop_here();
+  }
   errno = saved;
 }
 

@@ -33,7 +33,7 @@ class HeldThread {
   HeldThread(const HeldThread&) = delete;
   HeldThread& operator=(const HeldThread&) = delete;
 
-  // By the thread that is to be held.
+  // By the thread that is to be held, once.
   void attach() noexcept;
   void mark(bool in_operation) noexcept {
     // The fences keep what is marked from moving out of the marks. relaxed: read by a handler on this very thread.
@@ -59,12 +59,13 @@ class HeldThread {
   double held_ns() const noexcept { return held_ns_; }  ///< in all
 
  private:
-  static void handle(int) noexcept;
+  static void handle(const siginfo_t& signal) noexcept;
   void stop_here() noexcept;
   /// The signal comes: when the thread runs, or now.
   bool interrupt() noexcept;
-  /// It comes no more; true if it was on its way already.
-  bool is_interrupted() noexcept;
+  bool send() noexcept;
+  /// The timer's signal was handled or comes no more.
+  void call_off() noexcept;
 
   // H2  constructor: CAS acq_rel -> handle: load acquire; publishes the object.
   // H3  destructor: store release -> constructor: CAS; who makes the next one finds this one finished.
@@ -73,7 +74,7 @@ class HeldThread {
   int hold_ms_;
   int release_[2] = {-1, -1};
   struct sigaction before_ {};
-  sem_t attached_, answered_;
+  sem_t attached_, answered_, called_off_;
   std::binary_semaphore over_{0};
   // H1  ended: exchange -> stop_here, hold, await_attached: load acquire; nothing but that the region is over.
   std::atomic<bool> is_over_{false};

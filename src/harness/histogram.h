@@ -47,7 +47,17 @@ class alignas(64) Histogram {  // aligned: histograms of several threads may sit
     return sum;
   }
 
-  /// The same of the values above `least`, by their buckets' middles.
+  /// Mean of the values up to `most`, by their buckets' middles; 0 if there are none.
+  double mean_up_to(std::uint64_t most) const noexcept {
+    std::uint64_t sum = 0, n = 0;
+    for (std::size_t i = 0; i < kBuckets && middle(i) <= most; ++i) {
+      sum += counts_[i] * middle(i);
+      n += counts_[i];
+    }
+    return n == 0 ? 0.0 : static_cast<double>(sum) / static_cast<double>(n);
+  }
+
+  /// The sum of the values above `least`, by their buckets' middles.
   std::uint64_t sum_above(std::uint64_t least) const noexcept {
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < kBuckets; ++i)

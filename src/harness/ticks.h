@@ -5,7 +5,7 @@
 // costs some 20 to 40 cycles and does not wait for earlier instructions: a stamp may be off by the depth of
 // the out-of-order window, tens of nanoseconds at most. Stamping once per operation, so that the end of one
 // is the start of the next, keeps the sum exact. It orders nothing: it is no clock for histories of
-// concurrent operations.
+// concurrent operations. ticks_in_order() does wait, and costs some tens of nanoseconds.
 #pragma once
 
 #include <cstdint>

@@ -24,6 +24,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+// What is so many times longer than the median was interrupted.
+constexpr double kInterrupted = 12.0;
+
 /// Samples of one kind of operation.
 class Samples {
  public:
@@ -42,7 +45,7 @@ class Samples {
     std::vector<std::vector<double>> by_class(most + 1);
     for (const One& s : all_) by_class[s.size_class].push_back(s.ns);
     std::vector<double> limits;
-    for (const auto& ns : by_class) limits.push_back(ns.empty() ? 0.0 : 12.0 * median(ns));
+    for (const auto& ns : by_class) limits.push_back(ns.empty() ? 0.0 : kInterrupted * median(ns));
     std::erase_if(all_, [&](const One& s) { return s.ns > limits[s.size_class]; });
 
     struct Mean {
@@ -253,12 +256,13 @@ double ticks_of_stamp() {
   return std::accumulate(all.begin(), all.begin() + kUndisturbed, 0.0) / kUndisturbed;
 }
 
-/// Nanoseconds in the mean of operations that were timed in order; 0 if there are none.
+/// Nanoseconds in the mean of operations that were timed in order and not interrupted; 0 if there are none.
 double mean_ns(const Histogram& timed) {
   if (timed.count() == 0) return 0.0;
   static const TickRate rate = calibrate_ticks();
-  const double mean = static_cast<double>(timed.sum()) / static_cast<double>(timed.count());
-  return rate.ns_per_tick * std::max(0.0, mean - ticks_of_stamp());
+  const double most = kInterrupted * static_cast<double>(timed.percentile(0.5));
+  return rate.ns_per_tick *
+         std::max(0.0, timed.mean_up_to(static_cast<std::uint64_t>(most)) - ticks_of_stamp());
 }
 
 TrialOutcome run_trial(const CacheEntry& cache, const CalibratedPlan& plan, const TrialSetup& setup) {

@@ -44,18 +44,19 @@ void CacheCosts::scale(double by) {
   insert_ns *= by;
 }
 
-CacheCosts CacheCosts::by_themselves() const {
+CacheCosts CacheCosts::by_themselves(double least_ns) const {
   CacheCosts out = *this;
-  if (query_alone_ns > 0.0 && query_alone_ns < query_ns) {
-    out.operations.query.scale(query_alone_ns / query_ns);
-    out.operations.valid_ns *= query_alone_ns / query_ns;
-    out.outside_query_ns += query_ns - query_alone_ns;
-    out.query_ns = query_alone_ns;
+  const auto alone = [&](double measured) { return measured > 0.0 ? std::max(measured, least_ns) : 0.0; };
+  if (const double ns = alone(query_alone_ns); ns > 0.0 && ns < query_ns) {
+    out.operations.query.scale(ns / query_ns);
+    out.operations.valid_ns *= ns / query_ns;
+    out.outside_query_ns += query_ns - ns;
+    out.query_ns = ns;
   }
-  if (insert_alone_ns > 0.0 && insert_alone_ns < insert_ns) {
-    out.operations.insert.scale(insert_alone_ns / insert_ns);
-    out.outside_insert_ns += insert_ns - insert_alone_ns;
-    out.insert_ns = insert_alone_ns;
+  if (const double ns = alone(insert_alone_ns); ns > 0.0 && ns < insert_ns) {
+    out.operations.insert.scale(ns / insert_ns);
+    out.outside_insert_ns += insert_ns - ns;
+    out.insert_ns = ns;
   }
   return out;
 }

@@ -68,11 +68,12 @@ struct CacheCosts {
   /// The same by themselves: from when all before is done until what they wrote is there; 0 if not measured.
   double query_alone_ns = 0.0, insert_alone_ns = 0.0;
 
-  /// All but what depends on other cores and on merges, and what was measured of operations by themselves.
+  /// What one core does; not merges, nor what was measured of operations by themselves.
   void scale(double by);
   /// The same sum, in which no operation takes longer than by itself: the rest is around it. One who takes a lock has
   /// the processor finish everything first, and what comes after begins late; that is not time that the lock is held.
-  CacheCosts by_themselves() const;
+  /// `least_ns`: what taking the lock and giving it back takes, which an operation never takes less than.
+  CacheCosts by_themselves(double least_ns = 0.0) const;
 
   nlohmann::ordered_json to_json() const;
   /// Throws std::runtime_error with one line if a field is missing or no number >= 0.

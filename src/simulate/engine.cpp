@@ -69,8 +69,8 @@ class Engine {
         setup_(setup),
         machine_(setup.machine),
         mechanism_(setup.mechanism),
-        costs_(setup.costs.by_themselves()),
         beside_lock_ns_(0.5 * setup.waits.lock_ns[static_cast<std::size_t>(setup.mechanism.lock)]),
+        costs_(setup.costs.by_themselves(2.0 * beside_lock_ns_)),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
         random_(setup.seed),
@@ -421,8 +421,8 @@ class Engine {
   const SimulatedSetup& setup_;
   const MachineModel& machine_;
   const Mechanism mechanism_;
-  const CacheCosts costs_;
   const double beside_lock_ns_;  // before it is held, and after
+  const CacheCosts costs_;
   std::vector<Thread> threads_;  // thread t on core t
   FreshRecords fresh_;
   Pcg32 random_;

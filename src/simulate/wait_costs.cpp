@@ -6,6 +6,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <iterator>
 #include <thread>
 #include <vector>
 
@@ -90,17 +91,19 @@ void wait_until(std::uint64_t tick) {
   }
 }
 
+constexpr int kSleepsOfEach = 60;  // length
+
 /// Of the thread that wakes another, and until that one runs, after so long a sleep.
 void measure_waking(ThreadTeam& two, const TickRate& rate, double slept_ns, std::vector<double>& calls,
                     std::vector<double>& delays) {
-  constexpr int kRounds = 60;
   Word word;
   std::atomic<int> asleep{-1};
-  std::vector<std::uint64_t> since(kRounds), called(kRounds), returned(kRounds), woken(kRounds);
-  std::vector<bool> has_slept(kRounds);
+  std::vector<std::uint64_t> since(kSleepsOfEach), called(kSleepsOfEach), returned(kSleepsOfEach),
+      woken(kSleepsOfEach);
+  std::vector<bool> has_slept(kSleepsOfEach);
   OtherWork other_work;
   two.run([&](unsigned t) {
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < kSleepsOfEach; ++round) {
       const auto i = static_cast<std::size_t>(round);
       if (t == 0) {
         other_work();
@@ -120,7 +123,7 @@ void measure_waking(ThreadTeam& two, const TickRate& rate, double slept_ns, std:
       }
     }
   });
-  for (std::size_t i = 0; i < kRounds; ++i) {
+  for (std::size_t i = 0; i < kSleepsOfEach; ++i) {
     if (!has_slept[i]) continue;  // it was still on its way
     calls.push_back(rate.to_ns(returned[i] - called[i]));
     delays.push_back(rate.to_ns(woken[i] > called[i] ? woken[i] - called[i] : 0));
@@ -133,7 +136,7 @@ void measure_waking(ThreadTeam& two, const TickRate& rate, WaitCosts& out) {
     std::vector<double> calls, delays;
     measure_waking(two, rate, BySleep::slept_ns(i), calls, delays);
     const bool has_longer = i + 1 < BySleep::kSleeps;
-    if (!calls.empty()) {
+    if (std::ssize(calls) >= kSleepsOfEach / 2) {  // fewer are those that slept longer by chance
       out.wake_call_ns.ns[i] = median(calls);
       out.wake_delay_ns.ns[i] = median(delays);
     } else if (has_longer) {

@@ -18,7 +18,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr auto kTryAgain = 50us;  // after an attempt that found the thread between two operations
+constexpr auto kTryAgain = 50us;  // after a tick that found the thread between two operations
 
 /// Holds the thread until the region is over.
 void hold_again_and_again(HeldThread& held, double pause_ms, std::uint64_t seed) {

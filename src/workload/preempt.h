@@ -26,8 +26,9 @@ struct PreemptRequest {
   Placement placement = Placement::compact;
   unsigned repetitions = 7;
   std::uint64_t seed = 1;
-  unsigned hold_ms = 10;   ///< of every hold
-  unsigned pause_ms = 10;  ///< mean between two holds; each is drawn from 0.5 to 1.5 times that
+  unsigned hold_ms = 10;  ///< of every hold
+  unsigned pause_ms =
+      10;  ///< mean between two holds, drawn from 0.5 to 1.5 times that; then the next tick that finds it at work
 };
 
 class Preempt {

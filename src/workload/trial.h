@@ -85,7 +85,10 @@ class LatencySampler {
  public:
   LatencySampler(std::uint32_t every, std::uint64_t seed, ThreadAccount* account = nullptr,
                  bool is_in_order = false) noexcept
-      : every_(account != nullptr ? 1 : every), random_(seed), account_(account), is_in_order_(is_in_order) {
+      : every_(account != nullptr ? 1 : every),
+        random_(seed),
+        account_(account),
+        is_in_order_(is_in_order && account == nullptr) {
     rewind();
   }
 
