@@ -65,6 +65,17 @@ TEST(Histogram, PercentilesMatchTheSortedSampleWithinTheBound) {
   }
 }
 
+TEST(Histogram, MeanLeavesOutWhatIsAbove) {
+  Histogram h;
+  EXPECT_EQ(h.mean_up_to(kLargest), 0.0);
+  for (const std::uint64_t v : {10u, 20u, 60u}) h.record(v);
+  h.record(1'000'000);
+  EXPECT_EQ(h.mean_up_to(60), 30.0);
+  EXPECT_EQ(h.mean_up_to(59), 15.0);
+  EXPECT_EQ(h.mean_up_to(9), 0.0);
+  EXPECT_GT(h.mean_up_to(kLargest), 200'000.0);
+}
+
 TEST(Histogram, PercentileNeverExceedsTheMaximum) {
   Histogram h;
   h.record(1'000'000);

@@ -204,6 +204,7 @@ TEST(Simulator, OperationsHoldNoLongerThanByThemselves) {
   EXPECT_EQ(split.operations.insert.at(1), 400.0);
   EXPECT_EQ(split.outside_insert_ns, 20.0);
   EXPECT_EQ(split.by_themselves().to_json(), split.to_json());
+  EXPECT_DOUBLE_EQ(costs.by_themselves(160.0).operations.query.at(1), 160.0);  // what its lock takes at least
 
   const SyntheticPlan plan = made_plan("read_only:records=100:operations=1000");
   EXPECT_NEAR(run(plan, "global_mutex", machine_of(1, 0.0), costs).wall_ns, 1000 * 220.0, 1e-6);
