@@ -337,8 +337,8 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         further |= {one.slug: timeline_page.kTitle for one in drawn[:1]}
         further |= {one.slug: anatomy_page.kTitle for one in apart[:1]} | {"correctness": "Correctness"}
         # What has a part of its own is not missed here.
-        apart = BREAKDOWN_FIGURES if accounted and "time_unexplained" not in setup.rows else []
-        figures = [figure for figure in FIGURES if figure not in apart]
+        elsewhere = BREAKDOWN_FIGURES if accounted and "time_unexplained" not in setup.rows else []
+        figures = [figure for figure in FIGURES if figure not in elsewhere]
         body += section(setup, figures, folder_of(setup, setups, out / "figures"), out, command, prefix, further)
     body += _measured(compared, PARETO_FIGURES, pareto_page, out)
     body += _measured(repeated, REPEATABILITY_FIGURES, repeatability_page, out)
