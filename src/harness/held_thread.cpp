@@ -115,7 +115,7 @@ bool HeldThread::hold() {
   if (is_over_.load(std::memory_order_acquire /* H1 */) || !interrupt()) return false;
   await(answered_);
   if (is_over_.load(std::memory_order_acquire /* H1 */)) {
-    // Whoever ended the region answers once, and the thread itself, which may not run any more, perhaps.
+    // One answer comes from whoever ended the region. The thread's own may never come: it may not run any more.
     if (has_timer_) {
       call_off();
       return false;  // nor does a hold count that the end of the region cut short
