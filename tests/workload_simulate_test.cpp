@@ -324,6 +324,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   c.host_name = "a host";
   c.transfers.ns = {1.5, 2.5, 3.5};
   c.waits.park_ns = 17.0;
+  c.pace = {1.25, 1.5};
   c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
   c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today", {"a cache under a workload"}};
   write_calibration(c, path);
@@ -335,6 +336,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
            {"version", 1},
            {"transfer_ns", {1.0, 2.0}},
            {"waits", 3},
+           {"pace", {1.0}},
            {"harness_query_ns", -1.0},
            {"costs", {{"a", {{"query_ns", 3}}}}},
            {"validation", {{"threads", "two"}}}}) {

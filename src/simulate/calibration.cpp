@@ -287,6 +287,20 @@ double merge_of_record(const TrialOutcome& o) {
 
 }  // namespace
 
+double measured_pace(ThreadTeam& team, const Work& work) {
+  static const TickRate rate = calibrate_ticks();
+  constexpr double kNs = 20e6;
+  const std::uint64_t units = work.units_for_ns(kNs);
+  std::vector<double> paces(team.size());
+  team.run([&](unsigned t) {
+    const std::uint64_t start = ticks();
+    const std::uint64_t end = do_work(units, t);
+    asm volatile("" ::"r"(end));  // the chain ends before the counter is read again
+    paces[t] = rate.to_ns(ticks() - start) / kNs;
+  });
+  return std::accumulate(paces.begin(), paces.end(), 0.0) / static_cast<double>(paces.size());
+}
+
 Calibration calibrate_machine(const Topology& topology, const Json& environment) {
   Calibration c;
   c.host_name = environment.value("host_name", "");
@@ -294,18 +308,20 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
   c.commit = environment.value("commit", "");
   c.date = date_now();
   measure_waits(c.waits);
+  const Work work = Work::calibrate();
+  ThreadTeam one(topology, Placement::compact, 1);
+  c.pace.alone = c.pace.together = measured_pace(one, work);
   if (topology.units().size() >= 2) {
     ThreadTeam two(topology, Placement::compact, 2);
     measure_contention(two, c.transfers, c.waits);
     c.is_transfer_measured = true;
+    c.pace.together = measured_pace(two, work);
   }
 
   const WorkloadSpec spec = parse_workload("read_only:records=1000:operations=200000");
   const RayTracer rays(make_scene(spec.scene));
   const SyntheticPlan plan(spec, rays, 1);
-  ThreadTeam one(topology, Placement::compact, 1);
   std::vector<double> samples;
-  const Work work = Work::calibrate();
   for (std::uint64_t i = 0; i < 9; ++i) {
     const TrialOutcome o = find_cache("null").synthetic(plan, {one, work, i});
     samples.push_back(o.cpu_ns / static_cast<double>(o.operations));

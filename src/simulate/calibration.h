@@ -47,6 +47,7 @@ struct Calibration {
   Transfers transfers{};
   bool is_transfer_measured = false;
   WaitCosts waits{};
+  WorkPace pace{};
   double harness_query_ns = 0.0;            ///< of a workload's own code around a query
   std::map<std::string, CacheCosts> costs;  ///< by key_of
   std::optional<Validation> validation;
@@ -68,6 +69,9 @@ void measure_waits(WaitCosts& out);
 /// What depends on how far apart two cores are and on waking, of threads on two of them; about a tenth of a second.
 /// On a virtual machine this changes from minute to minute, as its processors are moved about.
 void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits);
+
+/// In the mean of the team's threads, each of which computes for some 20 ms at once with the others.
+double measured_pace(ThreadTeam& team, const Work& work);
 
 /// All but costs of caches; about a second. `environment` is an environment record.
 Calibration calibrate_machine(const Topology& topology, const nlohmann::ordered_json& environment);

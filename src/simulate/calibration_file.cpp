@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "icbench calibration of simulations";
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 
 double number_at(const Json& j, const char* name) {
   if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
@@ -66,6 +66,9 @@ Calibration parse(const Json& j) {
   read_numbers(j["waits"], "wake_call_ns", c.waits.wake_call_ns.ns);
   read_numbers(j["waits"], "wake_delay_ns", c.waits.wake_delay_ns.ns);
   read_numbers(j["waits"], "lock_ns", c.waits.lock_ns);
+  std::array<double, 2> pace;
+  read_numbers(j, "pace", pace);
+  c.pace = {pace[0], pace[1]};
   c.harness_query_ns = number_at(j, "harness_query_ns");
   const Json all = j.value("costs", Json::object());
   if (!all.is_object()) throw std::runtime_error("'costs' is no object");
@@ -121,6 +124,7 @@ nlohmann::ordered_json Calibration::to_json() const {
   j["waits"]["wake_call_ns"] = waits.wake_call_ns.ns;
   j["waits"]["wake_delay_ns"] = waits.wake_delay_ns.ns;
   j["waits"]["lock_ns"] = waits.lock_ns;
+  j["pace"] = {pace.alone, pace.together};
   j["harness_query_ns"] = harness_query_ns;
   if (validation) {
     j["validation"] = {{"threads", validation->threads},

@@ -256,8 +256,9 @@ class Engine {
     if (thread.stage == Stage::insert || (thread.stage == Stage::query && thread.is_answered))
       return begin_operation(t, time);
     if (thread.stage == Stage::query) {
-      time += thread.what.work_ns;
-      out_.work_ns += thread.what.work_ns;
+      const double work_ns = thread.what.work_ns * machine_.pace.of(machine_.cores);
+      time += work_ns;
+      out_.work_ns += work_ns;
       if (thread.what.asks_neighbours) return approach(t, Stage::neighbours, time);
     }
     if (thread.what.inserts) return approach(t, Stage::insert, time);

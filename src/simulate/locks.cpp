@@ -179,8 +179,12 @@ class Queue final : public Model {
       is_held_ = false;
       return line_.write(machine_, v.core, t);
     }
-    wake_(queue_.front().visitor.thread, noticed(v, queue_.front(), t, kOneTbb));
+    // Who comes writes its name into the word of who was last, who has to read that; and its own word lies where it
+    // waits, so it is taken away before it is given back.
+    const Waiting next = queue_.front();
     queue_.pop_front();
+    t += transfer(next.visitor, v);
+    wake_(next.visitor.thread, noticed(v, next, t + transfer(v, next.visitor), kOneTbb));
     return t;
   }
 

@@ -30,11 +30,21 @@ struct Transfers {
   std::array<double, 3> ns{23.0, 107.0, 197.0};  ///< by Distance
 };
 
+/// What computing takes, over what it takes undisturbed (harness/calibrated_work.h): processors slow down when all of
+/// them are busy, and virtual ones are taken away now and then.
+struct WorkPace {
+  double alone = 1.0;     ///< by one core, the others idle; > 0
+  double together = 1.0;  ///< by each of several at once; > 0
+
+  double of(unsigned cores) const noexcept { return cores == 1 ? alone : together; }
+};
+
 struct MachineModel {
   unsigned cores = 1;
   unsigned cores_per_complex = 8;  ///< as the EPYC's
   unsigned cores_per_socket = 64;
   Transfers transfers{};
+  WorkPace pace{};
 
   /// Nanoseconds for a line from core a to core b, 0 if they are one.
   double transfer_ns(unsigned a, unsigned b) const noexcept {

@@ -142,7 +142,7 @@ void Simulation::complete_calibration(const std::function<void(const std::string
 }
 
 Moment Simulation::calibrated(const SimulationPoint& point) const {
-  return {calibration_.transfers, calibration_.waits, calibration_.costs.at(key(point))};
+  return {calibration_.transfers, calibration_.waits, calibration_.pace, calibration_.costs.at(key(point))};
 }
 
 Moment Simulation::measured_now(const SimulationPoint& point, unsigned repetition) {
@@ -152,6 +152,11 @@ Moment Simulation::measured_now(const SimulationPoint& point, unsigned repetitio
     const double then = out.transfers.ns[0];
     measure_contention(*t.two, out.transfers, out.waits);
     if (then > 0.0) out.costs.operations.fresh_ns *= out.transfers.ns[0] / then;
+  }
+  if (point.cores == 1) {
+    out.pace.alone = measured_pace(t.one, t.work);
+  } else if (t.two != nullptr) {
+    out.pace.together = measured_pace(*t.two, t.work);
   }
   out.costs = costs_now(out.costs, *point.cache, plan_without_work(point.workload), t.one, t.work,
                         hash_keys(request_.seed, repetition, 8));
@@ -169,6 +174,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   MachineModel machine = request_.machine;
   machine.cores = point.cores;
   machine.transfers = request_.transfers.value_or(moment.transfers);
+  machine.pace = moment.pace;
   const Mechanism mechanism = mechanism_of(point.cache->traits);
   const auto program =
       data.trace ? simulated_program(*data.trace) : simulated_program(*data.synthetic, point.cores, seed);

@@ -46,6 +46,7 @@ std::vector<SimulationPoint> simulation_points(const SimulationRequest& request)
 struct Moment {
   Transfers transfers;
   WaitCosts waits;
+  WorkPace pace;
   CacheCosts costs;
 };
 

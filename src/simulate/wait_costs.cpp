@@ -70,7 +70,7 @@ double measured_transfer(ThreadTeam& two, const TickRate& rate) {
       last = now;
     }
   });
-  return undisturbed(samples);
+  return median(samples);
 }
 
 /// Reads so much memory that nothing of the kernel's stays near, as work between two calls does.
