@@ -70,7 +70,7 @@ class Engine {
         machine_(setup.machine),
         mechanism_(setup.mechanism),
         beside_lock_ns_(0.5 * setup.waits.lock_ns[static_cast<std::size_t>(setup.mechanism.lock)]),
-        costs_(setup.costs.by_themselves(2.0 * beside_lock_ns_)),
+        costs_(at_pace(setup.machine, setup.costs.by_themselves(2.0 * beside_lock_ns_))),
         threads_(setup.machine.cores),
         fresh_(setup.machine.cores),
         random_(setup.seed),
@@ -124,6 +124,12 @@ class Engine {
       return time != o.time ? time > o.time : thread > o.thread;
     }
   };
+
+  /// Costs are those of one core that is alone.
+  static CacheCosts at_pace(const MachineModel& machine, CacheCosts costs) {
+    costs.scale(machine.pace.of(machine.cores) / machine.pace.alone);
+    return costs;
+  }
 
   void start_fresh(const SimulatedSegment& segment, bool is_again) {
     if (is_again) cache_.clear();
