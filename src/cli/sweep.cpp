@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <optional>
@@ -120,7 +121,8 @@ void run_valid(Sweep& sweep, const SweepPoint& point) {
   }
 }
 
-/// Measures one trial of each workload and tells what the whole sweep would take.
+/// Measures one trial of each workload, and one that keeps no records if there is one, since that may take a hundred
+/// times as long; tells what the whole sweep would take.
 void estimate(Sweep& sweep, const Topology& topology) {
   const SweepRequest& r = sweep.request();
   using Clock = std::chrono::steady_clock;
@@ -132,18 +134,27 @@ void estimate(Sweep& sweep, const Topology& topology) {
   for (std::size_t w = 0; w < r.workloads.size(); ++w) {
     const std::vector<SweepPoint> points = sweep.points(w, 0);
     if (points.empty()) continue;
+    const auto keeps_none = [](const SweepPoint& p) {
+      return p.cache != nullptr && p.cache->traits.consistency == Consistency::none;
+    };
+    const auto [kept, dropped] = std::pair{std::find_if_not(points.begin(), points.end(), keeps_none),
+                                           std::find_if(points.begin(), points.end(), keeps_none)};
     const auto start = Clock::now();
-    run_valid(sweep, points.front());  // prepares the workload
-    const double preparation = seconds_since(start);
-    const auto again = Clock::now();
-    run_valid(sweep, points.front());
+    run_valid(sweep, kept != points.end() ? *kept : *dropped);  // prepares the workload
+    double workload = seconds_since(start);
     // A trial's time goes down with the processors its threads keep busy.
     const auto speed = [&](unsigned threads) {
       return static_cast<double>(std::min<std::size_t>(threads, topology.units().size()));
     };
-    const double one = seconds_since(again) * speed(points.front().threads);
-    double workload = preparation;
-    for (const SweepPoint& p : points) workload += r.repetitions * one / speed(p.threads);
+    const auto on_one_unit = [&](auto point) {
+      if (point == points.end()) return 0.0;
+      const auto again = Clock::now();
+      run_valid(sweep, *point);
+      return seconds_since(again) * speed(point->threads);
+    };
+    const double keeping = on_one_unit(kept), dropping = on_one_unit(dropped);
+    for (const SweepPoint& p : points)
+      workload += r.repetitions * (keeps_none(p) ? dropping : keeping) / speed(p.threads);
     total += workload;
     trials += points.size() * r.repetitions;
     fmt::print("{:<44} {:>6} trials  {:>9}\n", r.workloads[w].name, points.size() * r.repetitions,
