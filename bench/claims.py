@@ -2,7 +2,9 @@
 
 bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 %
 interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
-or, where a claim holds or does not, a command that shows it. `seconds` is what it took on the machine of `hardware`.
+or, where a claim holds or does not, a command that shows it. Figures are of the first of `machines` unless the claim
+names its `machine`; `elsewhere` has those of others, by machine. `seconds` is what it took on the last one that told.
+Rows that share their samples name all of them as `together`.
 tests/artifact_test.py holds README.md and ARTIFACT.md to it.
 """
 from __future__ import annotations
@@ -38,10 +40,26 @@ def name_of(claim: dict) -> str:
     return claim.get("row") or claim["check"]
 
 
-def load_claims() -> tuple[str, list[tuple[str, list[dict]]]]:
-    """The hardware that the claims were measured on, and the claims by section."""
+def load_claims() -> tuple[dict[str, dict], list[tuple[str, list[dict]]]]:
+    """The machines that claims were measured on, by name, the usual one first; and the claims by section."""
     data = json.loads(kClaims.read_text(encoding="utf-8"))
-    return data["hardware"], [(section["title"], section["claims"]) for section in data["sections"]]
+    return data["machines"], [(section["title"], section["claims"]) for section in data["sections"]]
+
+
+def this_machine(machines: dict[str, dict], cpuinfo: str = "/proc/cpuinfo") -> str:
+    """The machine whose processor this one has, else the first."""
+    try:
+        first = Path(cpuinfo).read_text(encoding="utf-8").split("\n\n", 1)[0]
+    except OSError:
+        first = ""
+    fields = dict(re.findall(r"^(.*?)\s*: (.*)$", first, re.MULTILINE))
+    return next((name for name, m in machines.items() if m["cpu"].items() <= fields.items()), next(iter(machines)))
+
+
+def figures_of(claim: dict, machines: dict[str, dict]) -> dict[str, dict]:
+    """What is claimed of a row, by machine, and the verdict: that of the claim itself first."""
+    own = {"claimed": claim["claimed"], "verdict": claim["verdict"]}
+    return {claim.get("machine", next(iter(machines))): own, **claim.get("elsewhere", {})}
 
 
 def interval_of(claimed: str) -> tuple[float, float]:
@@ -81,9 +99,14 @@ def kept_in(out: Path) -> dict:
         raise Refused(f"{kept} cannot be read ({error}); move it away") from None
 
 
+def rows_with(claim: dict) -> list[str]:
+    """The rows that are measured when this one is: itself, and those that share its samples."""
+    return claim.get("together", [claim["row"]])
+
+
 def command_of(claim: dict, out: str) -> str:
     if "row" in claim:
-        return f"build/release/bin/targets --seconds {kSecondsOfRow} --rows {claim['row']}"
+        return f"build/release/bin/targets --seconds {kSecondsOfRow} --rows {','.join(rows_with(claim))}"
     return claim["command"].replace("{out}", out)
 
 
@@ -97,14 +120,21 @@ def time_of(claim: dict) -> str:
 def tables(rows: dict[str, tuple[str, str]]) -> str:
     """ARTIFACT.md from its first table on."""
     lines = []
-    for title, claims in load_claims()[1]:
+    machines, sections = load_claims()
+    usual = next(iter(machines))
+    for title, claims in sections:
         if "row" in claims[0]:
             lines += [f"### {title}", "", "| row | what | target | claimed | verdict | time | quick |",
                       "|---|---|---|---|---|---|---|"]
             for c in claims:
                 target, what = rows[c["row"]]
-                claimed = c["claimed"] + (f"; another day {c['also']}" if "also" in c else "")
-                verdict = {"fail": "**miss**"}.get(c["verdict"], c["verdict"])
+                claimed, verdicts = [], []
+                for machine, told in figures_of(c, machines).items():
+                    where = "" if machine == usual else f"{machine}: "
+                    also = f"; another day {c['also']}" if "also" in c and told["claimed"] == c["claimed"] else ""
+                    claimed.append(f"{where}{told['claimed']}{also}")
+                    verdicts.append(where + {"fail": "**miss**"}.get(told["verdict"], told["verdict"]))
+                claimed, verdict = "; ".join(claimed), "; ".join(verdicts)
                 quick = "yes" if c.get("quick") else ""
                 lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {time_of(c)} | {quick} |")
         else:
@@ -119,9 +149,10 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
 
 def write(out: Path, rows: dict[str, tuple[str, str]]) -> None:
     """Brings ARTIFACT.md's tables up to date, and before that the times of what was measured in `out`."""
-    hardware, sections = load_claims()
+    machines, sections = load_claims()
     measured = kept_in(out)
-    lines = ["{", f' "hardware": {json.dumps(hardware)},', ' "sections": [']
+    one_a_line = ",\n".join(f"  {json.dumps(name)}: {json.dumps(m)}" for name, m in machines.items())
+    lines = ["{", f' "machines": {{\n{one_a_line}\n }},', ' "sections": [']
     for title, claims in sections:
         for c in claims:
             if name_of(c) in measured:
@@ -169,26 +200,29 @@ class Judge:
         start = time.monotonic()
         if start >= deadline:
             raise TimeUp
-        result = self._row(claim, deadline - start) if "row" in claim else self._check(claim, command)
-        result = {"identity": identity, "command": command, "seconds": round(time.monotonic() - start, 1), **result}
-        self.results[name] = result
+        results = self._rows(rows_with(claim), deadline - start) if "row" in claim else \
+            {name: self._check(claim, command)}
+        seconds = round((time.monotonic() - start) / len(results), 1)
+        for each, result in results.items():
+            self.results[each] = {"identity": identity, "command": command, "seconds": seconds, **result}
         self._keep()
-        return result
+        return self.results[name]
 
-    def _row(self, claim: dict, seconds: float) -> dict:
+    def _rows(self, names: list[str], seconds: float) -> dict[str, dict]:
         answer = self.out / "row.json"
         answer.unlink(missing_ok=True)
         try:
-            done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows", claim["row"],
-                                   "--json", answer], capture_output=True, text=True, stdin=subprocess.DEVNULL,
+            done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows",
+                                   ",".join(names), "--json", answer], capture_output=True, text=True, stdin=subprocess.DEVNULL,
                                   timeout=None if seconds == math.inf else seconds)
         except subprocess.TimeoutExpired:
             raise TimeUp from None
         if done.returncode not in (0, 1):
-            raise Refused(f"{claim['row']}: {(done.stderr.strip().splitlines() or [f'status {done.returncode}'])[-1]}")
-        row, = json.loads(answer.read_text(encoding="utf-8"))
+            raise Refused(f"{','.join(names)}: {(done.stderr.strip().splitlines() or [f'status {done.returncode}'])[-1]}")
+        rows = json.loads(answer.read_text(encoding="utf-8"))
         answer.unlink()
-        return {key: row[key] for key in ("median", "low", "high", "samples", "verdict", "why")}
+        return {row["name"]: {key: row[key] for key in ("median", "low", "high", "samples", "verdict", "why")}
+                for row in rows}
 
     def _check(self, claim: dict, command: str) -> dict:
         log = self.out / f"{claim['check']}.log"
@@ -201,17 +235,17 @@ class Judge:
         return {"verdict": "holds" if holds else "does not hold", "why": "" if holds else f"status {status}; see {log}"}
 
 
-def judge(claim: dict, result: dict) -> tuple[str, bool]:
-    """What the measurement says of the claim, and whether it contradicts it."""
+def judge(claim: dict, told: dict, result: dict) -> tuple[str, bool]:
+    """What the measurement says of the claim, told as by figures_of, and whether it contradicts it."""
     verdict = result["verdict"]
     if "check" in claim:
         return verdict, verdict != "holds"
     if result["median"] is None:
         return f"skipped: {result['why']}", False
-    low, high = interval_of(claim["claimed"])
+    low, high = interval_of(told["claimed"])
     within = result["low"] <= high and low <= result["high"]
-    other = {verdict, claim["verdict"]} == {"pass", "fail"}
-    return ("in" if within else "out") + (f", but {claim['verdict']} became {verdict}" if other else ""), other
+    other = {verdict, told["verdict"]} == {"pass", "fail"}
+    return ("in" if within else "out") + (f", but {told['verdict']} became {verdict}" if other else ""), other
 
 
 def figure(result: dict) -> str:
@@ -221,7 +255,10 @@ def figure(result: dict) -> str:
 
 
 def run(options: argparse.Namespace) -> int:
-    hardware, sections = load_claims()
+    machines, sections = load_claims()
+    if options.machine and options.machine not in machines:
+        raise Refused(f"no machine '{options.machine}'; there are {', '.join(machines)}")
+    machine = options.machine or this_machine(machines)
     claims = [c for _, section in sections for c in section]
     known = {name_of(c): c for c in claims}
     if options.only:
@@ -237,7 +274,7 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         raise Refused(f"cannot write to {out}: {error.strerror}; choose another --out") from None
     judged = Judge(out, Path(options.programs))
-    print(f"claimed on {hardware}\n\n{'claim':<34} {'target':<16} {'claimed':<24} {'':<10} {'measured':<24} {'':<10} "
+    print(f"claimed on {machines[machine]['hardware']}; where another machine is named, on that\n\n{'claim':<34} {'target':<16} {'claimed':<24} {'':<10} {'measured':<24} {'':<10} "
           "interval")
     rows = known_rows(Path(options.programs) / "targets")
     contradicted, seconds, counts = [], 0.0, {}
@@ -251,14 +288,19 @@ def run(options: argparse.Namespace) -> int:
             print(f"\n{kQuickMinutes} minutes are over; start again to go on with {', '.join(left)}")
             claims = claims[:number]
             break
-        said, contradicts = judge(c, result)
-        kind = re.split("[,:]", said)[0]
+        figures = figures_of(c, machines) if "row" in c else {}
+        where = machine if machine in figures else next(iter(figures), machine)
+        told = figures.get(where, {})
+        said, contradicts = judge(c, told, result)
+        if where != machine:
+            said += f" ({where})"
+        kind = re.split("[,:(]", said)[0].rstrip()
         counts[kind] = counts.get(kind, 0) + 1
         seconds += result["seconds"]
         if contradicts:
             contradicted.append(name_of(c))
-        print(f"{name_of(c):<34} {rows[c['row']][0] if 'row' in c else '':<16} {c.get('claimed', 'holds'):<24} "
-              f"{c.get('verdict', ''):<10} {figure(result) if 'row' in c else '':<24} {result['verdict']:<10} {said}",
+        print(f"{name_of(c):<34} {rows[c['row']][0] if 'row' in c else '':<16} {told.get('claimed', 'holds'):<24} "
+              f"{told.get('verdict', ''):<10} {figure(result) if 'row' in c else '':<24} {result['verdict']:<10} {said}",
               flush=True)
     told = ", ".join(f"{n} {what}" for what, n in counts.items())
     print(f"\n{len(claims)} claims in {seconds / 60:.1f} minutes: {told}; "
@@ -272,6 +314,7 @@ def main() -> int:
     parser.add_argument("--full", action="store_true")
     parser.add_argument("--only", default="")
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--machine", default="")
     parser.add_argument("--out", default=str(kRoot / "results/artifact"))
     parser.add_argument("--programs", default=str(kRoot / "build/release/bin"))
     try:

@@ -30,7 +30,8 @@ class Claims(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.rows = claims.known_rows(kPrograms / "targets")
-        cls.all = [claim for _, section in claims.load_claims()[1] for claim in section]
+        cls.machines, sections = claims.load_claims()
+        cls.all = [claim for _, section in sections for claim in section]
 
     def test_each_names_a_row_or_a_program_once(self):
         names = [claims.name_of(claim) for claim in self.all]
@@ -47,7 +48,8 @@ class Claims(unittest.TestCase):
     def test_readme_has_their_figures_and_no_others(self):
         readme = text_of("README.md")
         told = [text for claim in self.all if "row" in claim
-                for text in (claim.get("readme", claim["claimed"]), claim.get("also")) if text]
+                for text in (claim.get("readme", claim["claimed"]), claim.get("also"),
+                             *(other["claimed"] for other in claim.get("elsewhere", {}).values())) if text]
         for text in told:
             self.assertIn(text, readme, kMend)
         # In tables: what the words between them say of single runs is no claim.
@@ -58,23 +60,39 @@ class Claims(unittest.TestCase):
                 self.assertIn(figure, kNotClaimed, f"README.md's {figure} is in no claim; {kMend}")
 
     def test_verdicts_follow_from_figures_and_targets(self):
-        for claim in self.all:
-            if "row" not in claim:
-                continue
-            low, high = claims.interval_of(claim["claimed"])
-            target, _ = self.rows[claim["row"]]
+        told = [(claim["row"], figures) for claim in self.all if "row" in claim
+                for figures in claims.figures_of(claim, self.machines).values()]
+        for row, figures in told:
+            low, high = claims.interval_of(figures["claimed"])
+            target, _ = self.rows[row]
             value = float(target.split()[-1])
             # A bound of the interval that was rounded onto the target may lie on either side.
             sides = {"pass": high <= value, "fail": low > value, "undecided": low <= value <= high}
             if target.startswith("at least"):
                 sides = {"pass": low >= value, "fail": high < value, "undecided": low <= value <= high}
-            near = min(abs(low - value), abs(high - value)) <= 0.5 * 10.0 ** -decimals(claim["claimed"])
-            self.assertTrue(sides[claim["verdict"]] or near, f"{claim['row']}: {claim['claimed']}, {target}; {kMend}")
+            near = min(abs(low - value), abs(high - value)) <= 0.5 * 10.0 ** -decimals(figures["claimed"])
+            self.assertTrue(sides[figures["verdict"]] or near, f"{row}: {figures['claimed']}, {target}; {kMend}")
+
+    def test_machines_are_known_by_their_processors(self):
+        with tempfile.TemporaryDirectory(prefix="icbench-artifact-") as folder:
+            cpuinfo = Path(folder) / "cpuinfo"
+            for name, machine in self.machines.items():
+                fields = {"processor": "0", **machine["cpu"], "flags": "fpu vme"}
+                one = "".join(f"{key}\t: {value}\n" for key, value in fields.items())
+                cpuinfo.write_text(f"{one}\n{one.replace('processor', 'nothing')}")
+                self.assertEqual(claims.this_machine(self.machines, str(cpuinfo)), name)
+            cpuinfo.write_text("processor\t: 0\nvendor_id\t: another\n")
+            usual = next(iter(self.machines))
+            self.assertEqual(claims.this_machine(self.machines, str(cpuinfo)), usual)
+            self.assertEqual(claims.this_machine(self.machines, str(Path(folder) / "none")), usual)
+        for claim in self.all:
+            self.assertLessEqual({claim.get("machine", usual), *claim.get("elsewhere", {})}, set(self.machines))
 
     def test_artifact_page_has_their_tables(self):
         page = (kRoot / "ARTIFACT.md").read_text(encoding="utf-8")
         self.assertTrue(page.endswith("\n\n" + claims.tables(self.rows)), kMend)
-        self.assertIn(claims.load_claims()[0], text_of("ARTIFACT.md"), kMend)
+        for machine in self.machines.values():
+            self.assertIn(machine["hardware"], text_of("ARTIFACT.md"), kMend)
 
     def test_the_quick_path_takes_at_most_half_an_hour(self):
         self.assertLessEqual(sum(claim.get("seconds", 0) for claim in self.all if claim.get("quick")), 1800)
@@ -93,13 +111,14 @@ kTargets = """#!{python}
 import json, os, sys
 if sys.argv[1:] == ["--list"]:
     os.execv({targets!r}, ["targets", "--list"])
-name, path = (sys.argv[sys.argv.index(option) + 1] for option in ("--rows", "--json"))
-open({calls!r}, "a").write(name + "\\n")
-answer = json.loads(os.environ["ANSWERS"]).get(name)
-if answer is None:
+names, path = (sys.argv[sys.argv.index(option) + 1] for option in ("--rows", "--json"))
+open({calls!r}, "a").write(names + "\\n")
+answers = json.loads(os.environ["ANSWERS"])
+rows = [{{"name": name, "samples": 11, "why": "", **answers[name]}} for name in names.split(",") if name in answers]
+if not rows:
     print("targets: no such luck", file=sys.stderr)
     sys.exit(2)
-json.dump([{{"name": name, "samples": 11, "why": "", **answer}}], open(path, "w"))
+json.dump(rows, open(path, "w"))
 """
 
 
@@ -121,10 +140,10 @@ class Judging(unittest.TestCase):
                                self.folder / "out", *arguments], text=True, capture_output=True, timeout=PATIENCE,
                               env={**os.environ, "ANSWERS": json.dumps(answers)})
 
-    def judged(self, row, verdict, low, high):
+    def judged(self, row, verdict, low, high, machine="EPYC"):
         """The word on a claim that is measured as that interval, and the exit status."""
-        done = self.artifact("--only", row, **{row: {"median": (low + high) / 2, "low": low, "high": high,
-                                                     "verdict": verdict}})
+        done = self.artifact("--only", row, "--machine", machine,
+                             **{row: {"median": (low + high) / 2, "low": low, "high": high, "verdict": verdict}})
         shutil.rmtree(self.folder / "out")
         line, = [line for line in done.stdout.splitlines() if line.startswith(row + " ")]
         return re.split("  +", line)[-1], done.returncode
@@ -138,6 +157,11 @@ class Judging(unittest.TestCase):
         self.assertEqual(self.judged(row, "fail", 1.2, 1.4), ("out, but pass became fail", 1))
         # A miss that is none here is no reproduction either.
         self.assertEqual(self.judged("packed_query_speed", "pass", 13.0, 14.0), ("out, but fail became pass", 1))
+        # Elsewhere other figures are claimed, or those of the usual machine: 1.24 [1.16, 1.38], and checker_speed.
+        batch = "packed_batch_speed"
+        self.assertEqual(self.judged(batch, "fail", 1.2, 1.3), ("out, but pass became fail", 1))
+        self.assertEqual(self.judged(batch, "fail", 1.2, 1.3, "Xeon"), ("in", 0))
+        self.assertEqual(self.judged("checker_speed", "pass", 12.5, 12.6, "Xeon"), ("in (EPYC)", 0))
 
     def test_an_interrupted_run_goes_on(self):
         one, two = "wait_free_over_global_mutex", "checker_speed"
@@ -148,6 +172,14 @@ class Judging(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertIn("2 claims", done.stdout)
         self.assertEqual(self.calls.read_text().split(), [one, two, two])
+
+    def test_rows_that_share_samples_are_measured_once(self):
+        rows = [f"simulator_error_{what}" for what in ("throughput", "records", "waiting")]
+        answer = {"median": 0.06, "low": 0.05, "high": 0.07, "verdict": "pass"}
+        done = self.artifact("--only", ",".join(rows), **{row: answer for row in rows})
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(self.calls.read_text().split(), [",".join(rows)])
+        self.assertEqual(done.stdout.count("0.060 [0.050, 0.070]"), 3)
 
     def test_what_the_machine_did_not_yield_is_measured_again(self):
         row = "wait_free_read_only_scaling"
@@ -178,6 +210,7 @@ class Judging(unittest.TestCase):
 
     def test_bad_input_is_one_line(self):
         for arguments, says in ((["--only", "nosuch"], "no claim 'nosuch'"), (["--fast"], "--fast"),
+                                (["--machine", "Z80"], "there are EPYC, Xeon"),
                                 (["--programs", "/nosuch"], "/nosuch/targets"), (["--out", "/dev/null/x"], "--out")):
             done = self.artifact(*arguments)
             self.assertEqual(done.returncode, 2, done.stderr)
