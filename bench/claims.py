@@ -213,12 +213,13 @@ class Judge:
         answer.unlink(missing_ok=True)
         try:
             done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows",
-                                   ",".join(names), "--json", answer], capture_output=True, text=True, stdin=subprocess.DEVNULL,
-                                  timeout=None if seconds == math.inf else seconds)
+                                   ",".join(names), "--json", answer], capture_output=True, text=True,
+                                  stdin=subprocess.DEVNULL, timeout=None if seconds == math.inf else seconds)
         except subprocess.TimeoutExpired:
             raise TimeUp from None
         if done.returncode not in (0, 1):
-            raise Refused(f"{','.join(names)}: {(done.stderr.strip().splitlines() or [f'status {done.returncode}'])[-1]}")
+            said = done.stderr.strip().splitlines() or [f"status {done.returncode}"]
+            raise Refused(f"{','.join(names)}: {said[-1]}")
         rows = json.loads(answer.read_text(encoding="utf-8"))
         answer.unlink()
         return {row["name"]: {key: row[key] for key in ("median", "low", "high", "samples", "verdict", "why")}
@@ -274,8 +275,8 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         raise Refused(f"cannot write to {out}: {error.strerror}; choose another --out") from None
     judged = Judge(out, Path(options.programs))
-    print(f"claimed on {machines[machine]['hardware']}; where another machine is named, on that\n\n{'claim':<34} {'target':<16} {'claimed':<24} {'':<10} {'measured':<24} {'':<10} "
-          "interval")
+    print(f"claimed on {machines[machine]['hardware']}; where another machine is named, on that\n\n"
+          f"{'claim':<34} {'target':<16} {'claimed':<24} {'':<10} {'measured':<24} {'':<10} interval")
     rows = known_rows(Path(options.programs) / "targets")
     contradicted, seconds, counts = [], 0.0, {}
     is_quick = not options.full and not options.only
@@ -299,9 +300,9 @@ def run(options: argparse.Namespace) -> int:
         seconds += result["seconds"]
         if contradicts:
             contradicted.append(name_of(c))
-        print(f"{name_of(c):<34} {rows[c['row']][0] if 'row' in c else '':<16} {told.get('claimed', 'holds'):<24} "
-              f"{told.get('verdict', ''):<10} {figure(result) if 'row' in c else '':<24} {result['verdict']:<10} {said}",
-              flush=True)
+        target, measured = (rows[c["row"]][0], figure(result)) if "row" in c else ("", "")
+        print(f"{name_of(c):<34} {target:<16} {told.get('claimed', 'holds'):<24} {told.get('verdict', ''):<10} "
+              f"{measured:<24} {result['verdict']:<10} {said}", flush=True)
     told = ", ".join(f"{n} {what}" for what, n in counts.items())
     print(f"\n{len(claims)} claims in {seconds / 60:.1f} minutes: {told}; "
           f"contradicted: {', '.join(contradicted) or 'none'}")

@@ -233,7 +233,8 @@ class Release(unittest.TestCase):
         self.git("add", "-A")
         self.git("-c", "user.name=t", "-c", "user.email=t@t", "commit", "-q", "-m", "t")
         self.results.mkdir()
-        for name in ("results", "pareto", "repeatability_irradiance_cache", "repeatability_instant_caching", "anatomy"):
+        for name in ("results", "pareto", "repeatability_irradiance_cache", "repeatability_instant_caching", "preempt",
+                     "breakdown", "anatomy", "simulated"):
             self.write(name, complete=True)
         (self.results / "correctness.json").write_text('{"checks": []}')
 
