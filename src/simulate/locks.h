@@ -13,7 +13,8 @@
 //                    vain, too (Anderson, The Performance of Spin Lock Alternatives for Shared-Memory Multiprocessors,
 //                    IEEE TPDS 1(1), 1990): half a transfer for each
 //   queue            first come, first served, each waiter on a word of its own (oneTBB's queuing_mutex; after
-//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses
+//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses; who leaves
+//                    first reads its own word, where the next one left its name
 //   futex_rw         glibc's readers-writer lock: readers count themselves on one line, and go first; waiters sleep
 //   spin_rw          oneTBB's: readers count themselves on one line; a writer that waits keeps new readers out
 //   distributed_rw   readers write a line of their own and read the writer's; a writer looks at all of them

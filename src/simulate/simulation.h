@@ -74,7 +74,8 @@ class Simulation {
 
   /// What the calibration, which must be complete, has of the point.
   Moment calibrated(const SimulationPoint& point) const;
-  /// The same as it is now: by two trials on one thread, and two threads that wait for each other.
+  /// The same as it is now: by two trials on one thread, and two threads that wait for each other
+  /// and that compute.
   Moment measured_now(const SimulationPoint& point, unsigned repetition);
 
  private:
