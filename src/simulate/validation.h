@@ -1,8 +1,9 @@
 // How far simulated figures are from measured ones, on the cores that this machine has.
 //
 // In rounds. Each takes, of every point, the costs as they are now (two trials on one thread, two threads that wait for
-// each other and that compute), a real trial, and a simulated one of the same operations at those costs. So what is judged is the model:
-// a machine that has become slower since its calibration, as virtual ones do from minute to minute, is no error of it.
+// each other and that compute), a real trial, and a simulated one of the same operations at those costs. So what is
+// judged is the model: a machine that has become slower since its calibration, as virtual ones do from minute to minute,
+// is no error of it.
 #pragma once
 
 #include <functional>
