@@ -355,6 +355,8 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
            {"transfer_ns", {1.0, 2.0}},
            {"waits", 3},
            {"pace", {1.0}},
+           {"pace", {0.0, 1.0}},
+           {"pace", {1.0, 0.0}},
            {"harness_query_ns", -1.0},
            {"costs", {{"a", {{"query_ns", 3}}}}},
            {"validation", {{"threads", "two"}}}}) {

@@ -69,6 +69,7 @@ Calibration parse(const Json& j) {
   std::array<double, 2> pace;
   read_numbers(j, "pace", pace);
   c.pace = {pace[0], pace[1]};
+  if (c.pace.alone <= 0.0 || c.pace.together <= 0.0) throw std::runtime_error("a 'pace' is not above 0");
   c.harness_query_ns = number_at(j, "harness_query_ns");
   const Json all = j.value("costs", Json::object());
   if (!all.is_object()) throw std::runtime_error("'costs' is no object");
