@@ -14,10 +14,14 @@ constexpr float kMostPixels = 20.0f;
 
 constexpr float kMostTurn = 2.0f;  // as of light from one direction 63 degrees off the normal
 
-constexpr float kHessianScale = 0.05f;
-constexpr float kLeastReach = 0.01f;  // of the diagonal, times a
 constexpr float kMostReach = 0.2f;    // of the diagonal
 constexpr float kMostStretch = 2.0f;  // of an ellipse
+
+// How far a record is valid along an eigenvector, as a share of a D: scale (E / (|lambda| D^2))^power, at least `least`.
+struct ReachRule {
+  float scale, power, least;
+};
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.14f, 1.0f / 6.0f, 0.003f};
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.
@@ -116,7 +120,9 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
                             RecordDetail& detail) const noexcept {
   // Geometry alone shrinks regions beside all that is near, lit or not; it needs no limit on the screen.
   const bool knows_light = level_ == Interpolation::occlusion_hessian;
-  const float least = kLeastReach * a_ * diagonal_;
+  const ReachRule& rule = knows_light ? kWithOcclusion : kByGeometry;
+  const float unit = a_ * diagonal_;
+  const float least = rule.least * unit;
   float most = kMostReach * diagonal_;
   if (knows_light)
     most = std::clamp(kMostPixels * pixel_of_unit_distance_ * glm::distance(p, eye_), least, most);
@@ -126,12 +132,11 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   if (seen.strata.count() >= kLeastCellsForHessian) {
     const glm::mat2 H = knows_light ? occlusion_hessian(seen, near) : geometric_hessian(seen, near);
     const float brightness = luminance(E);
-    const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness : glm::mat2(0.0f));
-    const float scale = kHessianScale * diagonal_ * diagonal_;
-    const float slow =
-        knows_light ? std::numeric_limits<float>::infinity() : a_ * change_length(E, detail.gradients);
+    const float area = diagonal_ * diagonal_;
+    const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness * area : glm::mat2(0.0f));
+    const float slow = a_ * (knows_light ? mean : change_length(E, detail.gradients));
     const auto reach = [&](float lambda) {
-      const float r = lambda > 0.0f ? a_ * std::pow(scale / lambda, 0.25f) : most;
+      const float r = lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
       return std::clamp(std::min(r, slow), least, most);
     };
     small_reach = reach(e.large);
