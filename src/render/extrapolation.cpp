@@ -21,7 +21,8 @@ constexpr float kMostStretch = 2.0f;  // of an ellipse
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.14f, 1.0f / 6.0f, 0.003f};
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.28f, 1.0f / 6.0f, 0.006f};
+constexpr float kMostOfMean = 2.0f;  // of the mean distance, times a
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.
@@ -134,7 +135,7 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
     const float brightness = luminance(E);
     const float area = diagonal_ * diagonal_;
     const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness * area : glm::mat2(0.0f));
-    const float slow = a_ * (knows_light ? mean : change_length(E, detail.gradients));
+    const float slow = a_ * (knows_light ? kMostOfMean * mean : change_length(E, detail.gradients));
     const auto reach = [&](float lambda) {
       const float r = lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
       return std::clamp(std::min(r, slow), least, most);
@@ -145,7 +146,7 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   }
   detail.inverse_major = 1.0f / large_reach;
   detail.inverse_minor = 1.0f / small_reach;
-  return large_reach / a_;
+  return large_reach / (search_reach(level_) * a_);
 }
 
 void GuardedSum::judge_suspects() noexcept {

@@ -24,11 +24,11 @@
 // geometry q is 1/4, which spreads the error evenly over regions (Schwarzhaupt et al. 2012). With occlusion it is 1/6:
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
-// most a fifth of D and at least a hundredth of a D, with occlusion 0.003; by geometry alone at most
-// a E / |gradient|; with occlusion at most a times the harmonic mean distance, and at most kMostPixels as projected to
-// the screen. The normal may turn as far as the split-sphere error allows. A point off the record's surface, as far as
-// that curves from one normal to the other (on a sphere the chord is at right angles to the sum of the normals), counts
-// as kOffSurface times as far away: slats and books have neighbours that face the same way.
+// most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
+// with occlusion at most 2 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
+// normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's surface,
+// as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of the
+// normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
 #pragma once
 
 #include <algorithm>
@@ -95,9 +95,10 @@ constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Inter
 /// such gradients, and the least radius would let them show.
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
 
-/// How much farther than to valid records a cache has to answer, so that a new record finds its neighbours.
+/// By how much the accuracy with which a cache is asked is coarser than a: so that a new record finds its neighbours, or
+/// that normals may turn farther than a alone allows.
 constexpr float search_reach(Interpolation level) noexcept {
-  return level == Interpolation::neighbour_clamping ? 2.0f : 1.0f;
+  return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f : 1.0f;
 }
 
 /// What a record carries beside the cache.
@@ -167,6 +168,8 @@ class RecordShaper {
 
   Interpolation level() const noexcept { return level_; }
   float a() const noexcept { return a_; }
+  /// How far a record of that R is valid at all, metres.
+  float reach(float R) const noexcept { return (is_elliptic(level_) ? search_reach(level_) : 1.0f) * a_ * R; }
 
   /// The camera of this frame, from which screen limits are measured.
   void look_from(const Camera& camera) noexcept;
@@ -217,6 +220,7 @@ class Extrapolator {
       : details_(shapes.details),
         x_(x),
         inverse_a_(1.0f / shapes.shaper.a()),
+        inverse_turn_(inverse_a_ / search_reach(shapes.shaper.level())),
         elliptic_(is_elliptic(shapes.shaper.level())) {}
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
@@ -241,7 +245,7 @@ class Extrapolator {
       const float error =
           std::sqrt(square(along * detail.inverse_major) + across2 * square(detail.inverse_minor)) +
           kOffSurface * off_surface * detail.inverse_minor +
-          inverse_a_ * std::sqrt(1.0f - std::min(glm::dot(x_.n, r.n), 1.0f));
+          inverse_turn_ * std::sqrt(1.0f - std::min(glm::dot(x_.n, r.n), 1.0f));
       w = 1.0f - error;
     } else {
       w = weight - inverse_a_;
@@ -265,7 +269,7 @@ class Extrapolator {
 
   const RecordDetails& details_;
   SurfacePoint x_;
-  float inverse_a_;
+  float inverse_a_, inverse_turn_;
   bool elliptic_;
   MeanIrradiance sum_;
 };

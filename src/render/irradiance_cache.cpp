@@ -64,7 +64,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     restrain(detail.gradients, record.E, record.R);
   }
   if (shapes_.details.have_marks())
-    shapes_.details.marks(record.id) = leak_marks(w.seen, shaper.a() * record.R);
+    shapes_.details.marks(record.id) = leak_marks(w.seen, shaper.reach(record.R));
   return record;
 }
 
