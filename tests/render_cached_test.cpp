@@ -173,6 +173,33 @@ TEST(RenderExtrapolation, ARecordWithoutDetailsCountsNoFartherThanItsAccuracy) {
   }
 }
 
+// Guards against: slats, books or mouldings that face the same way a little before or behind one another sharing their
+// light.
+TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
+  for (const Interpolation level : {Interpolation::geometric_hessian, Interpolation::occlusion_hessian}) {
+    constexpr float kA = 0.5f;
+    const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+    RecordShapes shapes{RecordShaper(level, kA, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
+                        RecordDetails(1, 1)};
+    const std::uint32_t id = shapes.details.draft(0);
+    shapes.details[id] = {.gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f};
+    const Record r{glm::vec3(0.0f), {0, 0, 1}, 1.0f / kA, glm::vec3(3.0f), id};
+    const auto weight_at = [&](const glm::vec3& p, const glm::vec3& n) {
+      return Extrapolator(shapes, {p, n}).of(r, 1.0f).w;
+    };
+    EXPECT_NEAR(weight_at({0.3f, 0.4f, 0}, r.n), 0.5f, 1e-6f);
+    for (const float side : {-1.0f, 1.0f}) {
+      EXPECT_EQ(weight_at({0.3f, 0, 0.4f * side}, r.n), 0.0f);
+      // On a sphere or in a bowl that the record touches, no more than the distance and the turn count.
+      constexpr float kTurn = 0.2f, kRadius = 2.0f;
+      const glm::vec3 n(std::sin(kTurn), 0, std::cos(kTurn));
+      const float chord = 2.0f * kRadius * std::sin(0.5f * kTurn);
+      const float turn = std::sqrt(1.0f - std::cos(kTurn)) / (kA * search_reach(level));
+      EXPECT_NEAR(weight_at(side * kRadius * (n - r.n), n), 1.0f - chord - turn, 1e-4f);
+    }
+  }
+}
+
 // At each level of interpolation, through the simplest cache of all.
 class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> {
  protected:

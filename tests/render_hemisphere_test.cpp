@@ -1,4 +1,5 @@
-// Gradients and Hessians of a hemisphere of samples, against finite differences of closed forms.
+// Gradients and Hessians of a hemisphere of samples, against finite differences of closed forms, and the regions that
+// follow from them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,6 +15,7 @@
 #include "core/random.h"
 #include "judged_estimates.h"
 #include "lambert.h"
+#include "render/extrapolation.h"
 #include "render/hemisphere.h"
 #include "scene/registry.h"
 
@@ -124,6 +126,33 @@ TEST(RenderHemisphere, OcclusionHessian) {
     EXPECT_NEAR(H[0][1], exact[0][1], 0.15 * size);
     EXPECT_NEAR(H[0][1], H[1][0], 1e-4 * size);
   }
+}
+
+// Guards against: a rule or a limit of the regions that is not what extrapolation.h says.
+TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
+  const Hemisphere seen = seen_from_origin(kLamp, {0.25, 0.75}, kFine);
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  const auto shaper_of = [&](Interpolation level) {
+    RecordShaper shaper(level, 0.2f, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10);
+    shaper.look_from({.eye = {0, 0, 10}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f});
+    return shaper;
+  };
+  // Of the smaller axis, metres; no gradient.
+  const auto reach = [&](const RecordShaper& shaper, float mean, float E) {
+    RecordDetail detail;
+    const float R = shaper.ellipse(glm::vec3(0.0f), seen, mean, glm::vec3(E), detail);
+    EXPECT_NEAR(shaper.reach(R) * detail.inverse_major, 1.0f, 1e-5f);
+    EXPECT_LE(detail.inverse_minor, 2.0001f * detail.inverse_major);
+    return 1.0f / detail.inverse_minor;
+  };
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  const RecordShaper occlusion = shaper_of(Interpolation::occlusion_hessian);
+  const RecordShaper geometry = shaper_of(Interpolation::geometric_hessian);
+  EXPECT_NEAR(reach(occlusion, kFar, 1.0f) / reach(occlusion, kFar, 1.0f / 64.0f), 2.0f, 1e-3f);
+  EXPECT_NEAR(reach(geometry, kFar, 1.0f) / reach(geometry, kFar, 1.0f / 16.0f), 2.0f, 1e-3f);
+  EXPECT_NEAR(reach(occlusion, 0.05f, 1.0f), 2.0f * 0.2f * 0.05f, 1e-6f);
+  EXPECT_NEAR(reach(occlusion, 0.0f, 1.0f), 0.006f * 0.2f * 2.0f * std::sqrt(3.0f), 1e-6f);
+  EXPECT_FLOAT_EQ(reach(geometry, 0.05f, 1.0f), reach(geometry, kFar, 1.0f));
 }
 
 // Rooms whose irradiance is known everywhere: its derivatives, by finite differences, against those of one gather.
