@@ -27,6 +27,17 @@ struct Fan {
     z[count] = dz;
     bit[count++] = b;
   }
+
+  // Rays that nobody asks for, up to a whole packet: lanes not in use hold numbers, whatever those are.
+  void pad() noexcept {
+    for (std::uint32_t l = count; l < count + kPacket; ++l) {
+      x[l] = y[l] = z[l] = 1.0f;
+      bit[l] = 0;
+    }
+  }
+
+  // Rays in whole packets.
+  std::uint32_t padded() const noexcept { return (count + kPacket - 1) & ~(kPacket - 1); }
 };
 
 // The rays of `fan` that are in `keep`.
@@ -34,13 +45,14 @@ void select(const Fan& fan, std::uint64_t keep, Fan& out) noexcept {
   out.count = 0;
   for (std::uint32_t i = 0; i < fan.count; ++i)
     if (keep >> fan.bit[i] & 1u) out.push(fan.x[i], fan.y[i], fan.z[i], fan.bit[i]);
+  out.pad();
 }
 
 // Directions in another space.
 void turn(const Fan& fan, const glm::mat3& m, Fan& out) noexcept {
   out.count = fan.count;
   std::memcpy(out.bit, fan.bit, sizeof out.bit);
-  for (std::uint32_t i = 0; i < fan.count; ++i) {
+  for (std::uint32_t i = 0; i < fan.padded(); ++i) {
     out.x[i] = m[0].x * fan.x[i] + m[1].x * fan.y[i] + m[2].x * fan.z[i];
     out.y[i] = m[0].y * fan.x[i] + m[1].y * fan.y[i] + m[2].y * fan.z[i];
     out.z[i] = m[0].z * fan.x[i] + m[1].z * fan.y[i] + m[2].z * fan.z[i];
@@ -59,12 +71,15 @@ std::uint64_t bits_of(const Fan& fan, const std::uint32_t (&lanes)[kFan + kPacke
 // one that is larger by more than rounding.
 std::uint64_t near_boxes(const Fan& fan, const glm::vec3& from, std::span<const Solid::Box> boxes,
                          const glm::vec3& by) noexcept {
+  constexpr std::size_t kLook = 8;  // boxes between two looks at whether all rays have met one
+  const std::uint32_t rays = fan.padded();
   alignas(64) std::uint32_t meets[kFan + kPacket] = {};
-  for (const Solid::Box& box : boxes) {
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const Solid::Box& box = boxes[b];
     const glm::vec3 half = box.half + by, o = from - box.centre;
     if (!(std::min({half.x, half.y, half.z}) >= 0.0f)) continue;  // nothing is left of it
     const float slack = 1e-5f * (half.x + half.y + half.z);       // of the cross products, per |d|
-    for (std::uint32_t i = 0; i < fan.count; ++i) {
+    for (std::uint32_t i = 0; i < rays; ++i) {
       const float hx = 0.5f * fan.x[i], hy = 0.5f * fan.y[i], hz = 0.5f * fan.z[i];
       const float mx = o.x + hx, my = o.y + hy, mz = o.z + hz;
       const float ax = std::fabs(hx), ay = std::fabs(hy), az = std::fabs(hz);
@@ -76,6 +91,10 @@ std::uint64_t near_boxes(const Fan& fan, const glm::vec3& from, std::span<const 
                          (std::fabs(mx * hy - my * hx) > half.x * ay + half.y * ax + loose);
       meets[i] |= apart ? 0u : 1u;
     }
+    if (b % kLook != kLook - 1) continue;
+    std::uint32_t met = 0;
+    for (std::uint32_t i = 0; i < fan.count; ++i) met += meets[i];
+    if (met == fan.count) break;
   }
   return bits_of(fan, meets);
 }
@@ -145,10 +164,7 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
     const int i = std::countr_zero(rest);
     fan.push(x[i] - from.x, y[i] - from.y, z[i] - from.z, static_cast<std::uint8_t>(i));
   }
-  for (std::uint32_t l = 0; l < kPacket; ++l) {  // lanes not in use hold numbers, whatever those are
-    fan.x[fan.count + l] = fan.y[fan.count + l] = fan.z[fan.count + l] = 1.0f;
-    fan.bit[fan.count + l] = 0;
-  }
+  fan.pad();
   Fan turned;  // into a shape's own space
   std::uint64_t hit = 0;
   for (const Part& part : parts_) {
@@ -170,13 +186,12 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
       const std::uint64_t through =
           near_boxes(some, o, part.solid->inside, -part.pad) & leaving(some, o, part.box, part.pad);
       hit |= through;
-      asked &= near_boxes(some, o, part.solid->around, part.pad) & ~through;
+      asked &= ~through;
+      if (asked == 0) continue;
+      if (through != 0) select(here, asked, some);
+      asked &= near_boxes(some, o, part.solid->around, part.pad);
       if (asked == 0) continue;
       select(here, asked, some);
-    }
-    for (std::uint32_t l = 0; l < kPacket; ++l) {
-      some.x[some.count + l] = some.y[some.count + l] = some.z[some.count + l] = 1.0f;
-      some.bit[some.count + l] = 0;
     }
     hit |= trace(part.scene, o, some, lanes);
   }

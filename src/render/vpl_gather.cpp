@@ -51,8 +51,9 @@ struct ToVpl {
         here(x * n.x + y * n.y + z * n.z),
         there(-(x * v.nx[i] + y * v.ny[i] + z * v.nz[i])) {}
 
-  // |d|^4; where that vanishes, the smallest number by which what is above both horizons can be divided.
-  float d4() const noexcept { return std::max(d2 * d2, std::numeric_limits<float>::min()); }
+  // |d|^4; where that vanishes, the smallest number by which what is above both horizons can be divided. A sum, for of a
+  // maximum the compiler makes branches, and then no vectors.
+  float d4() const noexcept { return d2 * d2 + std::numeric_limits<float>::min(); }
 };
 
 // 64 bytes of 0 or 1 as bits: eight at a time, by a product that brings their lowest bits together on top.
@@ -173,6 +174,11 @@ class Sum {
   alignas(64) float red_[kLanes] = {}, green_[kLanes] = {}, blue_[kLanes] = {};
 };
 
+// x where all bits are set, 0 where none is: the compiler makes branches of comparisons, and then no vectors.
+inline float masked(float x, std::uint32_t bits) noexcept {
+  return std::bit_cast<float>(std::bit_cast<std::uint32_t>(x) & bits);
+}
+
 // The sums of irradiance's derivatives. With d from the point to VPL j, G = (d.n)(-d.n_j) / |d|^4 changes by
 //   -(-d.n_j) n / |d|^4 + (d.n) n_j / |d|^4 + 4 G d / |d|^2    as the point moves,
 //   (-d.n_j) / |d|^4 (n x d)                                   as the normal turns, by axis of rotation.
@@ -181,32 +187,31 @@ class Slopes {
   [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const glm::vec3& p, const glm::vec3& n,
                              float clamp) noexcept {
     if (bits == 0) return;
-    for (std::size_t first = 0; first < kWord; first += kLanes) {
-      const auto some = static_cast<std::uint32_t>(bits >> first & 0xffffu);
-      if (some == 0) continue;
-      for (std::uint32_t l = 0; l < kLanes; ++l) {
-        const std::size_t i = first + l;
-        const ToVpl to(v, i, p, n);
-        const float inverse = 1.0f / to.d4();
-        const float G = to.here * to.there * inverse;
-        const bool counts = (some >> l & 1u) != 0 && G < clamp;
-        const float turn = counts ? to.there * inverse : 0.0f;
-        const float lean = counts ? to.here * inverse : 0.0f;
-        const float pull = counts ? 4.0f * G / to.d2 : 0.0f;
-        const float tx = lean * v.nx[i] + pull * to.x - turn * n.x;
-        const float ty = lean * v.ny[i] + pull * to.y - turn * n.y;
-        const float tz = lean * v.nz[i] + pull * to.z - turn * n.z;
-        const float rx = turn * to.x, ry = turn * to.y, rz = turn * to.z;
-        const float flux[3] = {v.red[i], v.green[i], v.blue[i]};
-        for (int c = 0; c < 3; ++c) {
-          moved_[c][0][l] += flux[c] * tx;
-          moved_[c][1][l] += flux[c] * ty;
-          moved_[c][2][l] += flux[c] * tz;
-          turned_[c][0][l] += flux[c] * rx;
-          turned_[c][1][l] += flux[c] * ry;
-          turned_[c][2][l] += flux[c] * rz;
-        }
-      }
+    // In steps, results between them on the stack: in one loop the compiler makes branches, and no vectors.
+    alignas(64) std::uint32_t kept[kWord];
+    alignas(64) float inverse[kWord], G[kWord], moves[3][kWord], turns[3][kWord];
+    for (std::size_t i = 0; i < kWord; ++i) kept[i] = 0u - static_cast<std::uint32_t>(bits >> i & 1u);
+    for (std::size_t i = 0; i < kWord; ++i) {
+      const ToVpl to(v, i, p, n);
+      inverse[i] = 1.0f / to.d4();
+      G[i] = to.here * to.there * inverse[i];
+    }
+    for (std::size_t i = 0; i < kWord; ++i) kept[i] &= G[i] < clamp ? ~0u : 0u;
+    for (std::size_t i = 0; i < kWord; ++i) {
+      const ToVpl to(v, i, p, n);
+      const float turn = to.there * masked(inverse[i], kept[i]), lean = to.here * masked(inverse[i], kept[i]);
+      const float pull = 4.0f * masked(G[i], kept[i]) / (to.d2 + std::numeric_limits<float>::min());
+      moves[0][i] = lean * v.nx[i] + pull * to.x - turn * n.x;
+      moves[1][i] = lean * v.ny[i] + pull * to.y - turn * n.y;
+      moves[2][i] = lean * v.nz[i] + pull * to.z - turn * n.z;
+      turns[0][i] = turn * to.x;
+      turns[1][i] = turn * to.y;
+      turns[2][i] = turn * to.z;
+    }
+    const float* const flux[3] = {v.red, v.green, v.blue};
+    for (int c = 0; c < 3; ++c) {
+      add(flux[c], moves, moved_[c]);
+      add(flux[c], turns, turned_[c]);
     }
   }
 
@@ -227,6 +232,17 @@ class Slopes {
       for (const float lane : of[axis]) sum[axis] += lane;
     return std::numbers::inv_pi_v<float> * sum;
   }
+  // Flux times factors, lane by lane.
+  static void add(const float* flux, const float (&factors)[3][kWord], float (&to)[3][kLanes]) noexcept {
+    static_assert(kWord == 4 * kLanes);
+    for (int axis = 0; axis < 3; ++axis) {
+      const float* const f = factors[axis];
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        const std::size_t m = l + kLanes, n = m + kLanes, o = n + kLanes;
+        to[axis][l] += (flux[l] * f[l] + flux[m] * f[m]) + (flux[n] * f[n] + flux[o] * f[o]);
+      }
+    }
+  }
   // 0 where floats cannot hold it: the record then counts as constant.
   static glm::vec3 bounded(const glm::vec3& v) noexcept { return is_finite(v) ? v : glm::vec3(0.0f); }
 
@@ -238,12 +254,12 @@ class Slopes {
 float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, float clamp) noexcept {
   const glm::vec3 d = met.p - from;
   const float d2 = glm::dot(d, d);
-  const float d4 = std::max(d2 * d2, std::numeric_limits<float>::min());  // as in ToVpl
+  const float d4 = d2 * d2 + std::numeric_limits<float>::min();  // as in ToVpl
   const float G = glm::dot(d, n) * -glm::dot(d, met.ng) / d4;
   return G > clamp ? 1.0f - clamp / G : 0.0f;
 }
 
-constexpr std::uint32_t kProposals = 8;  // light samples of which one is asked
+constexpr std::uint32_t kProposals = 4;  // light samples of which one is asked
 
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
 
@@ -282,15 +298,25 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
     const float G = to.here * to.there / to.d4();
     flux[i] = v.red[i] + v.green[i] + v.blue[i];
     const bool facing = (to.here > 0.0f) & (surface > 0.0f) & (to.there > 0.0f);
-    sends[i] = facing ? (G < clamp ? G : clamp) * flux[i] : 0.0f;
+    sends[i] = masked((G < clamp ? G : clamp) * flux[i], facing ? ~0u : 0u);
   }
+  // Part by part: sums that do not wait for each other.
+  constexpr std::size_t kParts = kWord / kLanes;
+  float parts[kParts] = {};
+  for (std::size_t l = 0; l < kLanes; ++l)
+    for (std::size_t part = 0; part < kParts; ++part) parts[part] += sends[part * kLanes + l];
   float total = 0.0f;
-  for (const float s : sends) total += s;
+  for (const float part : parts) total += part;
   if (!(total > 0.0f && total < kMaxIrradiance))
     return glm::vec3(0.0f);  // or beyond what a float can be summed to
 
-  std::size_t i = 0;
-  for (float below = sends[0]; i + 1 < kWord && !(u * total < below);) below += sends[++i];
+  const float target = u * total;
+  std::size_t part = 0;
+  float before = 0.0f;
+  while (part + 1 < kParts && !(target < before + parts[part])) before += parts[part++];
+  std::size_t i = part * kLanes;
+  const std::size_t last = i + kLanes - 1;
+  for (float below = before + sends[i]; i < last && !(target < below);) below += sends[++i];
   if (!(sends[i] > 0.0f)) return glm::vec3(0.0f);
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(at.p, at.ng);
