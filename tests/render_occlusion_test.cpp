@@ -7,14 +7,12 @@
 #include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <glm/vector_relational.hpp>
 #include <utility>
 #include <vector>
 
 #include "core/random.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"
-#include "render/solid.h"
 #include "render_support.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
@@ -213,40 +211,6 @@ TEST(RenderOcclusion, MovingShapesHideWhatEmbreesInstancesHide) {
   }
   EXPECT_GT(hits, 25000u);
   EXPECT_LE(differ, 2u) << "but for rounding where a ray brushes a silhouette";
-}
-
-TEST(RenderOcclusion, BoxesOfASolidLieAroundItsSurfaceAndWithin) {
-  Scene scene = still();
-  scene.meshes = {scene.meshes.back()};  // the bunny
-  const Mesh bunny = scene.meshes.front();
-  const Solid solid = make_solid(bunny);
-  ASSERT_GT(solid.around.size(), 8u);
-  ASSERT_GT(solid.inside.size(), 4u);
-  const RayTracer rays(scene);
-  Tracer tracer(rays);
-  Pcg32 random(5);
-  for (int n = 0; n < 5000; ++n) {
-    const glm::uvec3 t = bunny.triangles[random.below(static_cast<std::uint32_t>(bunny.triangles.size()))];
-    const float u = random.uniform(), v = (1.0f - u) * random.uniform();
-    const glm::vec3 on =
-        (1.0f - u - v) * bunny.positions[t.x] + u * bunny.positions[t.y] + v * bunny.positions[t.z];
-    ASSERT_TRUE(std::ranges::any_of(solid.around, [&](const Solid::Box& box) {
-      return glm::all(glm::lessThan(glm::abs(on - box.centre), box.half));
-    })) << "a point of its surface lies in no box";
-
-    const Solid::Box& box = solid.inside[random.below(static_cast<std::uint32_t>(solid.inside.size()))];
-    const auto in_cube = [&] {
-      const float x = random.uniform(), y = random.uniform(), z = random.uniform();
-      return 2.0f * glm::vec3(x, y, z) - 1.0f;
-    };
-    const glm::vec3 within = box.centre + in_cube() * box.half;
-    const Hit hit = tracer.intersect(Ray{within, 1e3f, in_cube()});
-    ASSERT_TRUE(!hit.missed() && !hit.front) << "a box is not within the surface";
-  }
-
-  Mesh torn = bunny;
-  torn.triangles.pop_back();
-  EXPECT_TRUE(make_solid(torn).inside.empty()) << "light gets in by a hole";
 }
 
 }  // namespace

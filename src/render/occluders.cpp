@@ -6,7 +6,6 @@
 #include <cstring>
 #include <glm/common.hpp>
 #include <glm/matrix.hpp>
-#include <span>
 
 namespace icbench {
 namespace {
@@ -59,58 +58,29 @@ void turn(const Fan& fan, const glm::mat3& m, Fan& out) noexcept {
   }
 }
 
-// Bits of the rays for which a lane is not 0.
-std::uint64_t bits_of(const Fan& fan, const std::uint32_t (&lanes)[kFan + kPacket]) noexcept {
-  std::uint64_t bits = 0;
-  for (std::uint32_t i = 0; i < fan.count; ++i) bits |= std::uint64_t{lanes[i]} << fan.bit[i];
-  return bits;
-}
-
-// Bits of the rays whose segment may meet one of the boxes, each larger by `by` on every side: separating axes
-// (Gottschalk et al. 1996), without a division. None that meets one is missing; what is told to meet a box does meet
-// one that is larger by more than rounding.
-std::uint64_t near_boxes(const Fan& fan, const glm::vec3& from, std::span<const Solid::Box> boxes,
-                         const glm::vec3& by) noexcept {
-  constexpr std::size_t kLook = 8;  // boxes between two looks at whether all rays have met one
+// Bits of the rays whose segment may meet a box: separating axes (Gottschalk et al. 1996), without a division. None that
+// meets it is missing; what is told to meet it does meet one that is larger by more than rounding.
+std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& centre,
+                       const glm::vec3& half) noexcept {
+  const glm::vec3 o = from - centre;
+  const float slack = 1e-5f * (half.x + half.y + half.z);  // of the cross products, per |d|
+  alignas(64) std::uint32_t meets[kFan + kPacket];
   const std::uint32_t rays = fan.padded();
-  alignas(64) std::uint32_t meets[kFan + kPacket] = {};
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    const Solid::Box& box = boxes[b];
-    const glm::vec3 half = box.half + by, o = from - box.centre;
-    if (!(std::min({half.x, half.y, half.z}) >= 0.0f)) continue;  // nothing is left of it
-    const float slack = 1e-5f * (half.x + half.y + half.z);       // of the cross products, per |d|
-    for (std::uint32_t i = 0; i < rays; ++i) {
-      const float hx = 0.5f * fan.x[i], hy = 0.5f * fan.y[i], hz = 0.5f * fan.z[i];
-      const float mx = o.x + hx, my = o.y + hy, mz = o.z + hz;
-      const float ax = std::fabs(hx), ay = std::fabs(hy), az = std::fabs(hz);
-      const float loose = slack * (ax + ay + az);
-      const bool apart = (std::fabs(mx) > half.x + ax) | (std::fabs(my) > half.y + ay) |
-                         (std::fabs(mz) > half.z + az) |
-                         (std::fabs(my * hz - mz * hy) > half.y * az + half.z * ay + loose) |
-                         (std::fabs(mz * hx - mx * hz) > half.x * az + half.z * ax + loose) |
-                         (std::fabs(mx * hy - my * hx) > half.x * ay + half.y * ax + loose);
-      meets[i] |= apart ? 0u : 1u;
-    }
-    if (b % kLook != kLook - 1) continue;
-    std::uint32_t met = 0;
-    for (std::uint32_t i = 0; i < fan.count; ++i) met += meets[i];
-    if (met == fan.count) break;
+  for (std::uint32_t i = 0; i < rays; ++i) {
+    const float hx = 0.5f * fan.x[i], hy = 0.5f * fan.y[i], hz = 0.5f * fan.z[i];
+    const float mx = o.x + hx, my = o.y + hy, mz = o.z + hz;
+    const float ax = std::fabs(hx), ay = std::fabs(hy), az = std::fabs(hz);
+    const float loose = slack * (ax + ay + az);
+    const bool apart = (std::fabs(mx) > half.x + ax) | (std::fabs(my) > half.y + ay) |
+                       (std::fabs(mz) > half.z + az) |
+                       (std::fabs(my * hz - mz * hy) > half.y * az + half.z * ay + loose) |
+                       (std::fabs(mz * hx - mx * hz) > half.x * az + half.z * ax + loose) |
+                       (std::fabs(mx * hy - my * hx) > half.x * ay + half.y * ax + loose);
+    meets[i] = apart ? 0u : 1u;
   }
-  return bits_of(fan, meets);
-}
-
-// Bits of the rays that begin or end outside of a box that is larger by `by`.
-std::uint64_t leaving(const Fan& fan, const glm::vec3& from, const Solid::Box& box,
-                      const glm::vec3& by) noexcept {
-  const glm::vec3 o = from - box.centre, half = box.half + by;
-  const auto outside = [&](float x, float y, float z) {
-    return (std::fabs(x) > half.x) | (std::fabs(y) > half.y) | (std::fabs(z) > half.z);
-  };
-  if (outside(o.x, o.y, o.z)) return ~std::uint64_t{0};
-  alignas(64) std::uint32_t ends[kFan + kPacket];
-  for (std::uint32_t i = 0; i < fan.count; ++i)
-    ends[i] = outside(o.x + fan.x[i], o.y + fan.y[i], o.z + fan.z[i]) ? 1u : 0u;
-  return bits_of(fan, ends);
+  std::uint64_t bits = 0;
+  for (std::uint32_t i = 0; i < fan.count; ++i) bits |= std::uint64_t{meets[i]} << fan.bit[i];
+  return bits;
 }
 
 std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::uint32_t lanes) noexcept {
@@ -145,14 +115,14 @@ std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::
 
 }  // namespace
 
-void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad, const Solid* solid) {
-  Part part{.scene = scene, .everywhere = false, .posed = at.pose != Pose{}, .solid = solid};
+void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
+  Part part{.scene = scene, .everywhere = false, .posed = at.pose != Pose{}};
   part.to_object = glm::mat3(glm::inverse(glm::dmat3(at.pose.linear)));
   part.shift = at.pose.shift;
-  part.box = {0.5f * (at.box.lower + at.box.upper), 0.5f * (at.box.upper - at.box.lower)};
+  part.centre = 0.5f * (at.box.lower + at.box.upper);
   const glm::mat3& m =
       part.to_object;  // a step of `pad` in the world is this long in the shape's own space, at most
-  part.pad = pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+  part.half = 0.5f * (at.box.upper - at.box.lower) + pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
   parts_.push_back(part);
 }
 
@@ -177,22 +147,10 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
     const glm::vec3 o = part.posed ? part.to_object * (from - part.shift) : from;
     if (part.posed) turn(fan, part.to_object, turned);
     const Fan& here = part.posed ? turned : fan;
-    std::uint64_t asked = near_boxes(here, o, {&part.box, 1}, part.pad) & ~hit;
+    const std::uint64_t asked = near_box(here, o, part.centre, part.half) & ~hit;
     if (asked == 0) continue;
     Fan some;
     select(here, asked, some);
-    // Full packets ask the BVH in less time than the boxes take.
-    if (packing == Packing::exact && part.solid != nullptr && !part.solid->around.empty()) {
-      const std::uint64_t through =
-          near_boxes(some, o, part.solid->inside, -part.pad) & leaving(some, o, part.box, part.pad);
-      hit |= through;
-      asked &= ~through;
-      if (asked == 0) continue;
-      if (through != 0) select(here, asked, some);
-      asked &= near_boxes(some, o, part.solid->around, part.pad);
-      if (asked == 0) continue;
-      select(here, asked, some);
-    }
     hit |= trace(part.scene, o, some, lanes);
   }
   return hit;

@@ -8,15 +8,11 @@
 // packet through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
 // Two things make an answer exact, a function of the ray and of what it meets alone:
-// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each
-// moving
+// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each moving
 //   shape whose box it meets, in the shape's own space. So the answer is the "or" of answers each of which depends on
 //   one shape and its pose.
 // - Exact packing leaves lanes empty: up to five rays in a packet of 8 are traversed one by one, as rtcOccluded1 does,
 //   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
-//
-// With exact packing, a shape that moves rigidly and is closed answers most rays by a few boxes in and around it
-// (render/solid.h), so that its BVH is asked of the others alone; full packets ask the BVH in less time than that.
 //
 // Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1
 // 1, exact 1.3, fast 1.55, full packets of 16 1.55. A box test per ray and moving shape besides.
@@ -29,7 +25,6 @@
 
 #include "render/embree.h"
 #include "render/ray_tracer.h"
-#include "render/solid.h"
 
 namespace icbench {
 
@@ -38,9 +33,8 @@ class Occluders {
   /// Adds a scene of triangles that stands still.
   void add_still(RTCScene scene) { parts_.push_back({.scene = scene}); }
 
-  /// Adds one that moves, and says where it stands; `pad` (metres) is more than the rounding of what is asked. `solid`:
-  /// of the shape, or null where that is not known; outlives the shape here.
-  void add_moving(RTCScene scene, const PosedBox& at, float pad, const Solid* solid);
+  /// Adds one that moves, and says where it stands; `pad` (metres) is more than the rounding of what is asked.
+  void add_moving(RTCScene scene, const PosedBox& at, float pad);
 
   /// Forgets all.
   void clear() noexcept { parts_.clear(); }
@@ -56,9 +50,7 @@ class Occluders {
     bool posed = false;
     glm::mat3 to_object{1.0f};
     glm::vec3 shift{0.0f};
-    Solid::Box box{};     // in its own space
-    glm::vec3 pad{0.0f};  // there
-    const Solid* solid = nullptr;
+    glm::vec3 centre{0.0f}, half{0.0f};  // of its box, in its own space, padded
   };
 
   std::vector<Part> parts_;

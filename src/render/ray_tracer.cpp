@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <stdexcept>
@@ -16,27 +17,32 @@
 namespace icbench {
 
 struct RayTracer::Embree {
+  static constexpr std::size_t kManyMoving = 32;  // more shapes than this are found sooner by their BVH
+  static constexpr float kLeast = 1e-30f;         // of a direction: less counts as this
+
   RTCDevice device = nullptr;
-  RTCScene scene = nullptr;           // what rays are traced through
-  RTCScene still = nullptr;           // all meshes that do not move, if some do; else null
+  RTCScene still = nullptr;           // all meshes that do not move, without instances: these halve its speed
+  RTCScene moving = nullptr;          // instances of those that do; null if none does
   std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
-  std::vector<Solid> solids;          // by mesh: of those shapes that move rigidly
   std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
+  std::vector<Bounds> bounds;         // of each of them in the world, padded; none where they are many
   Occluders occluders;
+  bool has_packets = false;  // of 16; Embree makes two halves of them where vectors are shorter, at no gain
 
   Embree() : device(embree::new_device()) {
     if (!device)
       throw std::runtime_error(
           fmt::format("Embree finds no device (error {})", static_cast<int>(rtcGetDeviceError(nullptr))));
-    scene = new_scene();
+    still = new_scene();
+    has_packets = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
   }
   ~Embree() {
     for (const RTCGeometry placing : placings)
       if (placing) rtcReleaseGeometry(placing);
     for (const RTCScene shape : shapes)
       if (shape) rtcReleaseScene(shape);
-    if (still) rtcReleaseScene(still);
-    rtcReleaseScene(scene);
+    if (moving) rtcReleaseScene(moving);
+    rtcReleaseScene(still);
     rtcReleaseDevice(device);
   }
   Embree(const Embree&) = delete;
@@ -47,6 +53,44 @@ struct RayTracer::Embree {
     rtcSetSceneFlags(made, RTC_SCENE_FLAG_ROBUST);
     rtcSetSceneBuildQuality(made, RTC_BUILD_QUALITY_HIGH);
     return made;
+  }
+
+  // Rays meet what stands still first, then, as far as they got, what moves.
+  void intersect(RTCRayHit& ray, embree::Query& query) const noexcept {
+    embree::intersect1(still, ray, query);
+    if (may_meet_moving(ray.ray)) embree::intersect1(moving, ray, query);
+  }
+  void intersect(const int* valid, RTCRayHit16& rays, embree::Query& query) const noexcept {
+    embree::intersect16(valid, still, rays, query);
+    if (moving) embree::intersect16(valid, moving, rays, query);
+  }
+  // Whether anything lies on the ray: its tfar is below 0 then. Such rays are not traced any farther.
+  void occlude(RTCRay& ray, embree::Query& query) const noexcept {
+    embree::occluded1(still, ray, query);
+    if (!(ray.tfar < 0.0f) && may_meet_moving(ray)) embree::occluded1(moving, ray, query);
+  }
+  void occlude(const int* valid, RTCRay8& rays, embree::Query& query) const noexcept {
+    embree::occluded8(valid, still, rays, query);
+    if (moving) embree::occluded8(valid, moving, rays, query);
+  }
+  void occlude(const int* valid, RTCRay16& rays, embree::Query& query) const noexcept {
+    embree::occluded16(valid, still, rays, query);
+    if (moving) embree::occluded16(valid, moving, rays, query);
+  }
+
+  // Whether a ray comes near the bounds of anything that moves: slabs (Kay and Kajiya 1986). Spares most rays the
+  // second BVH. Certain only if it says no.
+  bool may_meet_moving(const RTCRay& ray) const noexcept {
+    if (bounds.empty()) return moving != nullptr;
+    const auto inverse = [](float d) { return 1.0f / (std::fabs(d) > kLeast ? d : kLeast); };
+    const glm::vec3 o(ray.org_x, ray.org_y, ray.org_z);
+    const glm::vec3 by(inverse(ray.dir_x), inverse(ray.dir_y), inverse(ray.dir_z));
+    for (const Bounds& box : bounds) {
+      const glm::vec3 a = (box.lower - o) * by, b = (box.upper - o) * by;
+      const glm::vec3 in = glm::min(a, b), out = glm::max(a, b);
+      if (std::max({in.x, in.y, in.z, 0.0f}) <= std::min({out.x, out.y, out.z, ray.tfar})) return true;
+    }
+    return false;
   }
 
   void check(const Scene& described) const {
@@ -120,6 +164,20 @@ void set_ray(Packet& to, std::size_t i, const Ray& ray) noexcept {
   to.flags[i] = 0;
 }
 
+// Bounds of a box as it stands, larger by `pad` on every side.
+Bounds in_world(const PosedBox& posed, float pad) noexcept {
+  const glm::mat3& m = posed.pose.linear;
+  const glm::vec3 centre = posed.pose(0.5f * (posed.box.lower + posed.box.upper));
+  const glm::vec3 half =
+      glm::mat3(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])) * (0.5f * (posed.box.upper - posed.box.lower)) + pad;
+  return {centre - half, centre + half};
+}
+
+// Geometries and instances have the index of their mesh.
+std::uint32_t mesh_of(std::uint32_t instance, std::uint32_t geometry) noexcept {
+  return instance == RTC_INVALID_GEOMETRY_ID ? geometry : instance;
+}
+
 void set_missed(Hit& hit) noexcept {
   hit.t = kInfinity;
   hit.material = kMiss;
@@ -159,7 +217,7 @@ void RayTracer::place(std::uint32_t mesh, const Pose& pose) {
 void RayTracer::attach_shape(std::uint32_t i) {
   const Mesh& mesh = scene_.meshes[i];
   if (mesh.triangles.empty()) return;
-  RTCScene to = embree_->still ? embree_->still : embree_->scene;
+  RTCScene to = embree_->still;
   if (mesh.moves()) to = embree_->shapes[i] = embree_->new_scene();
   const RTCGeometry geometry = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_TRIANGLE);
   if (mesh.deform) {
@@ -172,38 +230,28 @@ void RayTracer::attach_shape(std::uint32_t i) {
   rtcAttachGeometryByID(to, geometry, i);
   rtcReleaseGeometry(geometry);
   if (mesh.moves()) embree::commit(to);
-  if (mesh.pose) embree_->solids[i] = make_solid(mesh);
 }
 
 void RayTracer::build_scene() {
   embree_ = std::make_unique<Embree>();
   const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
   embree_->shapes.resize(count);
-  embree_->solids.resize(count);
   embree_->placings.resize(count);
-  static_instance_ = scene_.moves() ? count : 0;
-  const bool any_still = std::any_of(scene_.meshes.begin(), scene_.meshes.end(),
-                                     [](const Mesh& m) { return !m.moves() && !m.triangles.empty(); });
-  if (scene_.moves() && any_still) embree_->still = embree_->new_scene();
+  if (scene_.moves()) embree_->moving = embree_->new_scene();
   for (std::uint32_t i = 0; i < count; ++i) attach_shape(i);
 
-  const auto instantiate = [&](RTCScene what, std::uint32_t id, const Pose& pose) {
-    const RTCGeometry instance = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_INSTANCE);
-    rtcSetGeometryInstancedScene(instance, what);
-    set_pose(instance, pose);
-    rtcAttachGeometryByID(embree_->scene, instance, id);
-    return instance;
-  };
   for (std::uint32_t i = 0; i < count; ++i) {
     const Mesh& mesh = scene_.meshes[i];
     const RTCScene shape = embree_->shapes[mesh.instance_of == kOwnShape ? i : mesh.instance_of];
-    if (shape) embree_->placings[i] = instantiate(shape, i, placed_[i].pose);
+    if (!shape) continue;
+    const RTCGeometry instance = rtcNewGeometry(embree_->device, RTC_GEOMETRY_TYPE_INSTANCE);
+    rtcSetGeometryInstancedScene(instance, shape);
+    set_pose(instance, placed_[i].pose);
+    rtcAttachGeometryByID(embree_->moving, instance, i);
+    embree_->placings[i] = instance;
   }
-  if (embree_->still) {
-    embree::commit(embree_->still);
-    rtcReleaseGeometry(instantiate(embree_->still, static_instance_, Pose{}));
-  }
-  embree::commit(embree_->scene);
+  embree::commit(embree_->still);
+  if (embree_->moving) embree::commit(embree_->moving);
   embree_->check(scene_);
   place_occluders();
 }
@@ -211,14 +259,15 @@ void RayTracer::build_scene() {
 void RayTracer::place_occluders() {
   Occluders& all = embree_->occluders;
   all.clear();
-  if (!scene_.moves()) all.add_still(embree_->scene);
-  if (embree_->still) all.add_still(embree_->still);
+  all.add_still(embree_->still);
+  embree_->bounds.clear();
   for (std::uint32_t i = 0; i < scene_.meshes.size(); ++i) {
     if (!embree_->placings[i]) continue;
+    embree_->bounds.push_back(in_world({placed_[i].box, placed_[i].pose}, epsilon_));
     const std::uint32_t shape = scene_.meshes[i].instance_of == kOwnShape ? i : scene_.meshes[i].instance_of;
-    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_,
-                   &embree_->solids[shape]);
+    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_);
   }
+  if (embree_->bounds.size() > Embree::kManyMoving) embree_->bounds.clear();
 }
 
 std::vector<PosedBox> RayTracer::moving() const {
@@ -253,7 +302,7 @@ SceneChange RayTracer::go_to(float frame) {
     lamp_moved |= scene_.materials[mesh.material].emits();
   }
   if (!change.moved.empty()) {
-    embree::commit(embree_->scene);
+    embree::commit(embree_->moving);
     place_occluders();
   }
   embree_->check(scene_);
@@ -319,8 +368,8 @@ void RayTracer::fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float
 void RayTracer::intersect(std::span<const Ray> rays, std::span<Hit> out) const noexcept {
   for (std::size_t first = 0; first < rays.size(); first += kPacket) {
     const std::size_t count = std::min(kPacket, rays.size() - first);
-    if (count < kFew)
-      intersect_singly(rays.subspan(first), out.subspan(first));
+    if (count < kFew || !embree_->has_packets)
+      intersect_singly(rays.subspan(first, count), out.subspan(first, count));
     else
       intersect_packet(rays.subspan(first, count), out.subspan(first, count));
   }
@@ -333,7 +382,7 @@ void RayTracer::intersect_singly(std::span<const Ray> rays, std::span<Hit> out) 
     set_ray(r.ray, rays[i]);
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    embree::intersect1(embree_->scene, r, query);
+    embree_->intersect(r, query);
     if (r.hit.geomID == RTC_INVALID_GEOMETRY_ID)
       set_missed(out[i]);
     else
@@ -346,13 +395,13 @@ void RayTracer::intersect_packet(std::span<const Ray> rays, std::span<Hit> out) 
   embree::Query query;
   RTCRayHit16 packet;
   alignas(64) int valid[kPacket] = {};
-  for (std::size_t i = 0; i < rays.size(); ++i) {
-    set_ray(packet.ray, i, rays[i]);
-    valid[i] = -1;
+  for (std::size_t i = 0; i < kPacket; ++i) {
+    set_ray(packet.ray, i, rays[std::min(i, rays.size() - 1)]);
+    valid[i] = i < rays.size() ? -1 : 0;
     packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
     packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
   }
-  embree::intersect16(valid, embree_->scene, packet, query);
+  embree_->intersect(valid, packet, query);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID)
       set_missed(out[i]);
@@ -370,18 +419,18 @@ void RayTracer::occluded(std::span<const Ray> rays, std::span<bool> out) const n
       for (std::size_t i = first; i < rays.size(); ++i) {
         RTCRay r;
         set_ray(r, rays[i]);
-        embree::occluded1(embree_->scene, r, query);
+        embree_->occlude(r, query);
         out[i] = r.tfar < 0.0f;
       }
       return;
     }
     RTCRay16 packet;
     alignas(64) int valid[kPacket] = {};
-    for (std::size_t i = 0; i < count; ++i) {
-      set_ray(packet, i, rays[first + i]);
-      valid[i] = -1;
+    for (std::size_t i = 0; i < kPacket; ++i) {
+      set_ray(packet, i, rays[first + std::min(i, count - 1)]);
+      valid[i] = i < count ? -1 : 0;
     }
-    embree::occluded16(valid, embree_->scene, packet, query);
+    embree_->occlude(valid, packet, query);
     for (std::size_t i = 0; i < count; ++i) out[first + i] = packet.tfar[i] < 0.0f;
   }
 }
@@ -393,12 +442,12 @@ std::uint64_t RayTracer::bare_trace(std::span<const TracedRay> rays) const noexc
     RTCRayHit r;
     set_ray(r.ray, traced.ray);
     if (traced.shadow) {
-      embree::occluded1(embree_->scene, r.ray, query);
+      embree_->occlude(r.ray, query);
       hits += r.ray.tfar < 0.0f;
     } else {
       r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      embree::intersect1(embree_->scene, r, query);
+      embree_->intersect(r, query);
       hits += r.hit.geomID != RTC_INVALID_GEOMETRY_ID;
     }
   }
@@ -413,7 +462,7 @@ std::uint64_t RayTracer::occluded_from(const glm::vec3& from, const float* x, co
 std::uint64_t RayTracer::bare_occluded(std::span<const TracedRay> rays, unsigned packet) const noexcept {
   embree::Query query;
   std::uint64_t hits = 0;
-  const auto trace = [&](auto& lanes, auto&& occluded) {
+  const auto trace = [&](auto& lanes) {
     alignas(64) int valid[kPacket];
     for (std::size_t first = 0; first < rays.size(); first += packet) {
       const std::size_t count = std::min<std::size_t>(packet, rays.size() - first);
@@ -421,16 +470,16 @@ std::uint64_t RayTracer::bare_occluded(std::span<const TracedRay> rays, unsigned
         set_ray(lanes, i, rays[first + std::min(i, count - 1)].ray);
         valid[i] = i < count ? -1 : 0;
       }
-      occluded(valid, embree_->scene, lanes, query);
+      embree_->occlude(valid, lanes, query);
       for (std::size_t i = 0; i < count; ++i) hits += lanes.tfar[i] < 0.0f;
     }
   };
   if (packet == 8) {
     RTCRay8 lanes;
-    trace(lanes, [](auto&&... args) { embree::occluded8(args...); });
+    trace(lanes);
   } else if (packet == kPacket) {
     RTCRay16 lanes;
-    trace(lanes, [](auto&&... args) { embree::occluded16(args...); });
+    trace(lanes);
   }
   return hits;
 }

@@ -106,9 +106,9 @@ struct SceneChange {
 
 /// A prepared scene and its BVH. Shared by all threads; changes only in go_to.
 ///
-/// A scene in which nothing moves is one BVH. Otherwise what stands still has a BVH of its own, and so has every
-/// shape that moves; a small one over these is rebuilt for each frame (Wald et al. 2003). Rigid motion changes nothing
-/// but that; the BVH of a deforming mesh is refitted.
+/// What stands still is one BVH. Every shape that moves has a BVH of its own; a small one over these is rebuilt for each
+/// frame (Wald et al. 2003) and asked after the first. Rigid motion changes nothing but that; the BVH of a deforming mesh
+/// is refitted.
 class RayTracer {
  public:
   /// Prepares the scene and builds the BVH in parallel, in the caller's oneTBB arena. Throws
@@ -196,17 +196,12 @@ class RayTracer {
   void build_scene();
   void place_occluders();
   void place(std::uint32_t mesh, const Pose& pose);
-  std::uint32_t mesh_of(std::uint32_t instance, std::uint32_t geometry) const noexcept {
-    return instance < static_instance_ ? instance : geometry;
-  }
   void fill(Hit& hit, std::uint32_t mesh, std::uint32_t triangle, float u, float v, const glm::vec3& d,
             float t) const noexcept;
 
   Scene scene_;
   float epsilon_ = 0.0f;
   float frame_ = 0.0f;
-  std::uint32_t static_instance_ =
-      0;  // id of the instance of all that stands still: above those of the meshes
   std::vector<Placed> placed_;
   std::vector<MeshView> meshes_;
   std::unique_ptr<Embree> embree_;

@@ -11,7 +11,9 @@
 namespace icbench {
 namespace {
 
-constexpr std::uint64_t kSpare = 4096;  // records too many that are not worth a sweep
+// Records, as a share of those after the last sweep and at least, by which their number may grow until the next.
+constexpr double kGrowth = 1.0 / 16.0;
+constexpr std::uint64_t kLeastGrowth = 64;
 constexpr std::size_t kGrain = 16;      // records a thread takes at a time
 
 std::uint16_t mesh_of(std::uint32_t mesh) noexcept {
@@ -27,7 +29,28 @@ std::uint32_t capacity_of(const PassSetup& s) {
                       s.crew.size());
 }
 
+PointsView places_of(const VplArrays& vpls) noexcept {
+  return {vpls.of(VplArrays::kPx), vpls.of(VplArrays::kPy), vpls.of(VplArrays::kPz), vpls.slots()};
+}
+
 }  // namespace
+
+MovingShadows::MovingShadows(const RayTracer& rays, const VplArrays& vpls)
+    : boxes_(rays.moving(), rays.epsilon()), ends_(boxes_, places_of(vpls)) {}
+
+std::span<const std::uint64_t> MovingShadows::unhidden(Tracer& tracer, const Hit& point,
+                                                       const VplArrays& vpls,
+                                                       std::span<const std::uint64_t> open,
+                                                       std::vector<std::uint64_t>& suspects,
+                                                       std::vector<std::uint64_t>& seen) const noexcept {
+  if (boxes_.empty()) return open;
+  suspects.assign(open.size(), 0);
+  ends_.mark(tracer.shared().leave(point.p, point.ng), suspects);
+  for (std::size_t i = 0; i < open.size(); ++i) suspects[i] &= open[i];
+  seen.assign(open.begin(), open.end());
+  trace_visibility(tracer, point, vpls, suspects, seen, Packing::fast, Shapes::moving);
+  return seen;
+}
 
 TemporalSource::TemporalSource(const PassSetup& s)
     : rays_(s.rays),
@@ -47,10 +70,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   c.boxes = MovedBoxes(change, rays_.epsilon());
   const VplChange light = update_lights(change, c.boxes, crew);
   const VplArrays& vpls = vpls_.vpls();
-  const PointsView places{vpls.of(VplArrays::kPx), vpls.of(VplArrays::kPy), vpls.of(VplArrays::kPz),
-                          vpls.slots()};
-  movers_ = MovedBoxes(rays_.moving(), rays_.epsilon());
-  ends_ = SegmentEnds(movers_, places);
+  moving_ = MovingShadows(rays_, vpls);
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
   c.surfaces_changed = change.materials;
@@ -60,7 +80,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
     return RecordsThen::stay;
   }
 
-  c.ends = SegmentEnds(c.boxes, places);
+  c.ends = SegmentEnds(c.boxes, places_of(vpls));
   c.moved_meshes.assign(std::min<std::size_t>(rays_.scene().meshes.size(), kManyMeshes + 1u), 0);
   for (const MovedMesh& m : change.moved) c.moved_meshes[mesh_of(m.mesh)] = 1;
   c.moved_vpls = light.moved;
@@ -109,7 +129,8 @@ void TemporalSource::count_new_records() noexcept {
 }
 
 void TemporalSource::begin_sweep_if_due() noexcept {
-  if (!std::exchange(out_of_room_, false) && live_ <= 2 * live_when_swept_ + kSpare) return;
+  const auto growth = static_cast<std::uint64_t>(kGrowth * static_cast<double>(live_when_swept_));
+  if (!std::exchange(out_of_room_, false) && live_ <= live_when_swept_ + std::max(growth, kLeastGrowth)) return;
   sweeping_ = true;
   for (std::uint32_t id = 0; id < table_.end(); ++id)
     if (table_[id].state == KeptRecord::live) table_[id].state = KeptRecord::unused;
@@ -211,20 +232,8 @@ std::span<const std::uint64_t> TemporalSource::see_anew(Tracer& tracer, Worker& 
     trace_visibility(tracer, point, vpls, open, Packing::fast);
     return open;
   }
-  trace_visibility(tracer, point, vpls, c.moved_vpls, open, Shapes::still);
-  return unhidden(tracer, w, point, open);
-}
-
-// Of the VPLs that nothing hides that stands still, those that nothing else hides either.
-std::span<const std::uint64_t> TemporalSource::unhidden(Tracer& tracer, Worker& w, const Hit& point,
-                                                        std::span<const std::uint64_t> open) noexcept {
-  if (movers_.empty()) return open;
-  w.suspect.assign(open.size(), 0);
-  ends_.mark(rays_.leave(point.p, point.ng), w.suspect);
-  for (std::size_t i = 0; i < open.size(); ++i) w.suspect[i] &= open[i];
-  w.visible.assign(open.begin(), open.end());
-  trace_visibility(tracer, point, vpls_.vpls(), w.suspect, w.visible, Shapes::moving);
-  return w.visible;
+  trace_visibility(tracer, point, vpls, c.moved_vpls, open, Packing::exact, Shapes::still);
+  return moving_.unhidden(tracer, point, vpls, open, w.suspect, w.visible);
 }
 
 // The distance rays that meet a box no farther than they reached.
@@ -306,7 +315,7 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   const Packing packing = record_packing(rays_, x.hit.mesh);
   const bool apart = packing == Packing::exact;
   trace_visibility(tracer, point, vpls, open, packing, apart ? Shapes::still : Shapes::all);
-  const std::span<const std::uint64_t> seen = apart ? unhidden(tracer, w, point, open) : open;
+  const std::span<const std::uint64_t> seen = apart ? moving_.unhidden(tracer, point, vpls, open, w.suspect, w.visible) : open;
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
   const Irradiance E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);

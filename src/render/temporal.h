@@ -8,11 +8,12 @@
 //
 //   records       on a mesh that moved are dropped. Of the others, a bit says of each VPL whether anything that stands
 //                 still hides it; that is retraced of the VPLs that moved alone. Whether something that moves hides it
-//                 as well is asked of those whose segment meets such a mesh's box. Then irradiance is summed anew, over
-//                 all VPLs in fixed order, unless no VPL changed and no open segment meets a moved box. Compensation is
-//                 computed again where there was any or a box is near; its paths may go anywhere. Distance rays that
-//                 meet a box are retraced, and with them the radius. A record on a mesh that can move but did not is
-//                 made anew as a whole (record_packing).
+//                 as well is asked, every time, of all those whose segment meets such a mesh's box: which these are
+//                 follows from the present, so they may go in full packets (render/occluders.h). Then irradiance is
+//                 summed anew, over all VPLs in fixed order, unless no VPL changed and no open segment meets a moved
+//                 box. Compensation is computed again where there was any or a box is near; its paths may go anywhere.
+//                 Distance rays that meet a box are retraced, and with them the radius. A record on a mesh that can
+//                 move but did not is made anew as a whole (record_packing).
 //
 // Boxes are conservative (render/moved_boxes.h), every ray goes through the same kernel as when a record is made, and
 // nothing is ever corrected by a difference. So after begin_frame each record equals, bit for bit, the one that would
@@ -23,10 +24,10 @@
 // answers was worked out before, and is looked up by id. The cache alone keeps irradiance from frame to frame, so only
 // update() can tell whether a sum that was taken anew differs from what it was.
 //
-// Records that no pixel uses any more: when the number of records has doubled since this was last done (and grown by
-// kSpare at least), or when there is no room for a new one, the queries of one frame tell which records they use, and
-// the others are dropped as the next frame begins. So their number stays below twice the number in use, and a frame's
-// new ones, for ever; between such frames queries tell nothing and nothing is paid for.
+// Records that no pixel uses any more cost as much as others: when the number of records has grown by kGrowth since this
+// was last done, or when there is no room for a new one, the queries of one frame tell which records they use, and the
+// others are dropped as the next frame begins. So their number stays near the number in use, for ever; between such
+// frames queries tell nothing and nothing is paid for.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is.
@@ -52,6 +53,27 @@ namespace icbench {
 inline Packing record_packing(const RayTracer& rays, std::uint32_t mesh) noexcept {
   return mesh < kManyMeshes && rays.scene().meshes[mesh].moves() ? Packing::fast : Packing::exact;
 }
+
+/// What can move, as it stands, in the way of virtual lights. Movable, not copyable.
+class MovingShadows {
+ public:
+  MovingShadows() = default;
+  MovingShadows(const RayTracer& rays, const VplArrays& vpls);
+  MovingShadows(MovingShadows&&) = default;
+  MovingShadows& operator=(MovingShadows&&) = default;
+
+  /// Of the VPLs that nothing hides from a point that stands still, `open`, those that nothing that moves hides either:
+  /// `open` itself or what `seen` became. `suspects` and `seen` are scratch. A function of these arguments and the frame
+  /// alone, whatever the frames before.
+  std::span<const std::uint64_t> unhidden(Tracer& tracer, const Hit& point, const VplArrays& vpls,
+                                          std::span<const std::uint64_t> open,
+                                          std::vector<std::uint64_t>& suspects,
+                                          std::vector<std::uint64_t>& seen) const noexcept;
+
+ private:
+  MovedBoxes boxes_;  // of all that can move
+  SegmentEnds ends_;  // the VPLs, for segments to them that these may cut
+};
 
 class TemporalSource final : public RecordSource {
  public:
@@ -114,8 +136,6 @@ class TemporalSource final : public RecordSource {
   Verdict reconsider(Tracer& tracer, Worker& w, const Change& change, std::uint32_t id) noexcept;
   std::span<const std::uint64_t> see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point,
                                           std::uint32_t id) noexcept;
-  std::span<const std::uint64_t> unhidden(Tracer& tracer, Worker& w, const Hit& point,
-                                          std::span<const std::uint64_t> open) noexcept;
   bool cut_lights(Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
   std::uint32_t cut_distances(const Change& change, const Hit& point,
                               const DistanceCodes& distances) const noexcept;
@@ -132,8 +152,7 @@ class TemporalSource final : public RecordSource {
   RecordTable table_;
   std::unique_ptr<RecordShapes> shapes_;  // by the ids of table_; null: records as they are
   std::vector<Worker> workers_;
-  MovedBoxes movers_;  // of all that can move, as it stands
-  SegmentEnds ends_;   // the VPLs, for segments to them that movers_ may cut
+  MovingShadows moving_;  // of this frame
   // While an update lasts, by id.
   std::vector<Verdict> verdicts_;
   std::vector<Irradiance> renewed_;  // W/m^2; of the records renewed or changed

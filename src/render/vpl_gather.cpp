@@ -97,8 +97,14 @@ std::uint64_t visible(Tracer& tracer, const glm::vec3& from, const Hit& hit, con
 // A few slots of many words, asked for together: packets are full that way.
 class Asked {
  public:
-  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits, Shapes shapes) noexcept
-      : tracer_(tracer), from_(from), bits_(bits), shapes_(shapes), epsilon_(tracer.shared().epsilon()) {}
+  Asked(Tracer& tracer, const glm::vec3& from, std::span<std::uint64_t> bits, Packing packing,
+        Shapes shapes) noexcept
+      : tracer_(tracer),
+        from_(from),
+        bits_(bits),
+        packing_(packing),
+        shapes_(shapes),
+        epsilon_(tracer.shared().epsilon()) {}
 
   void ask(const WordOfVpls& v, std::size_t word, std::size_t i) noexcept {
     x_[count_] = v.px[i] + epsilon_ * v.nx[i];
@@ -112,7 +118,7 @@ class Asked {
   void answer() noexcept {
     if (count_ == 0) return;
     const std::uint64_t all = count_ == kWord ? ~std::uint64_t{0} : (std::uint64_t{1} << count_) - 1;
-    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, Packing::exact, shapes_);
+    std::uint64_t seen = all & ~tracer_.occluded_from(from_, x_, y_, z_, all, packing_, shapes_);
     for (; seen != 0; seen &= seen - 1) {
       const std::uint32_t slot = slot_[std::countr_zero(seen)];
       bits_[slot / kWord] |= std::uint64_t{1} << slot % kWord;
@@ -124,6 +130,7 @@ class Asked {
   Tracer& tracer_;
   glm::vec3 from_;
   std::span<std::uint64_t> bits_;
+  Packing packing_;
   Shapes shapes_;
   float epsilon_;
   std::size_t count_ = 0;
@@ -369,9 +376,9 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std
 }
 
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
-                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
+                      std::span<const std::uint64_t> which, std::span<std::uint64_t> bits, Packing packing,
                       Shapes shapes) noexcept {
-  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits, shapes);
+  Asked asked(tracer, tracer.shared().leave(hit.p, hit.ng), bits, packing, shapes);
   for (std::size_t w = 0; w < vpls.words(); ++w) {
     if (which[w] == 0) continue;
     const WordOfVpls v(vpls, w);

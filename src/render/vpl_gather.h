@@ -39,10 +39,11 @@ float vpl_clamp(const Bounds& bounds) noexcept;
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
                       Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
-/// The same for the slots in `which` alone, in exact packing; other bits stay as they are.
+/// The same for the slots in `which` alone; other bits stay as they are. With fast packing the answers are a function of
+/// all that is asked together.
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
-                      Shapes shapes = Shapes::all) noexcept;
+                      Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
 /// Irradiance, W/m^2, from the VPLs whose bit is set, of which each lies above both horizons. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
