@@ -27,10 +27,6 @@ inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query&) no
   const LibraryCall call;
   rtcIntersect16(valid, s, &r);
 }
-inline void intersect8(const int* valid, RTCScene s, RTCRayHit8& r, Query&) noexcept {
-  const LibraryCall call;
-  rtcIntersect8(valid, s, &r);
-}
 inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query&) noexcept {
   const LibraryCall call;
   rtcOccluded16(valid, s, &r);
@@ -55,10 +51,6 @@ inline void occluded1(RTCScene s, RTCRay& r, Query& q) noexcept {
 inline void intersect16(const int* valid, RTCScene s, RTCRayHit16& r, Query& q) noexcept {
   const LibraryCall call;
   rtcIntersect16(valid, s, &q.context, &r);
-}
-inline void intersect8(const int* valid, RTCScene s, RTCRayHit8& r, Query& q) noexcept {
-  const LibraryCall call;
-  rtcIntersect8(valid, s, &q.context, &r);
 }
 inline void occluded16(const int* valid, RTCScene s, RTCRay16& r, Query& q) noexcept {
   const LibraryCall call;

@@ -21,10 +21,10 @@ struct RayTracer::Embree {
   static constexpr float kLeast = 1e-30f;         // of a direction: less counts as this
 
   RTCDevice device = nullptr;
-  RTCScene still = nullptr;           // all meshes that do not move, without instances: these halve its speed
+  RTCScene still = nullptr;           // all meshes that do not move; no instance, which costs rays a third
   RTCScene moving = nullptr;          // instances of those that do; null if none does
   std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
-  std::vector<RTCGeometry> placings;  // by mesh: the instance in `scene` of those that move; else null
+  std::vector<RTCGeometry> placings;  // by mesh: the instance in `moving` of those that move; else null
   std::vector<Bounds> bounds;         // of each of them in the world, padded; none where they are many
   Occluders occluders;
   bool has_packets = false;  // of 16; Embree makes two halves of them where vectors are shorter, at no gain

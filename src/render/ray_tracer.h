@@ -162,8 +162,8 @@ class RayTracer {
                               std::uint64_t which, Packing packing,
                               Shapes shapes = Shapes::all) const noexcept;
 
-  /// Traces each ray by itself, by Embree's single-ray calls and nothing else: the speed limit of everything
-  /// above. Returns how many hit or were occluded.
+  /// Traces each ray by itself, by Embree's single-ray calls and nothing else but a look at the bounds of what moves: the
+  /// speed limit of everything above. Returns how many hit or were occluded.
   std::uint64_t bare_trace(std::span<const TracedRay> rays) const noexcept;
 
   /// Traces shadow rays in Embree's packets of 8 or 16 and nothing else: the speed limit of occluded_from. Returns how
