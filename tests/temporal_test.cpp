@@ -182,7 +182,8 @@ class Film {
   std::uint64_t records = 0;  // seen by difference()
   std::uint64_t sloped = 0;   // of them all, those with a gradient
   std::uint64_t asked = 0;    // VPLs, by all of them
-  std::uint64_t otherwise = 0;  // of these, seen by rays in full packets and hidden by rays alone, or the reverse
+  std::uint64_t otherwise =
+      0;  // of these, seen by rays in full packets and hidden by rays alone, or the reverse
 
  private:
   std::vector<Tile> tiles_;

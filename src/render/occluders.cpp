@@ -58,8 +58,8 @@ void turn(const Fan& fan, const glm::mat3& m, Fan& out) noexcept {
   }
 }
 
-// Bits of the rays whose segment may meet a box: separating axes (Gottschalk et al. 1996), without a division. None that
-// meets it is missing; what is told to meet it does meet one that is larger by more than rounding.
+// Bits of the rays whose segment may meet a box: separating axes (Gottschalk et al. 1996), without a division. None
+// that meets it is missing; what is told to meet it does meet one that is larger by more than rounding.
 std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& centre,
                        const glm::vec3& half) noexcept {
   const glm::vec3 o = from - centre;

@@ -8,9 +8,9 @@
 // packet through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
 // Two things make an answer exact, a function of the ray and of what it meets alone:
-// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each moving
-//   shape whose box it meets, in the shape's own space. So the answer is the "or" of answers each of which depends on
-//   one shape and its pose.
+// - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each
+//   moving shape whose box it meets, in the shape's own space. So the answer is the "or" of answers each of which
+//   depends on one shape and its pose.
 // - Exact packing leaves lanes empty: up to five rays in a packet of 8 are traversed one by one, as rtcOccluded1 does,
 //   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
 //

@@ -168,8 +168,9 @@ void set_ray(Packet& to, std::size_t i, const Ray& ray) noexcept {
 Bounds in_world(const PosedBox& posed, float pad) noexcept {
   const glm::mat3& m = posed.pose.linear;
   const glm::vec3 centre = posed.pose(0.5f * (posed.box.lower + posed.box.upper));
-  const glm::vec3 half =
-      glm::mat3(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])) * (0.5f * (posed.box.upper - posed.box.lower)) + pad;
+  const glm::vec3 half = glm::mat3(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])) *
+                             (0.5f * (posed.box.upper - posed.box.lower)) +
+                         pad;
   return {centre - half, centre + half};
 }
 

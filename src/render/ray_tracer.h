@@ -106,9 +106,9 @@ struct SceneChange {
 
 /// A prepared scene and its BVH. Shared by all threads; changes only in go_to.
 ///
-/// What stands still is one BVH. Every shape that moves has a BVH of its own; a small one over these is rebuilt for each
-/// frame (Wald et al. 2003) and asked after the first. Rigid motion changes nothing but that; the BVH of a deforming mesh
-/// is refitted.
+/// What stands still is one BVH. Every shape that moves has a BVH of its own; a small one over these is rebuilt for
+/// each frame (Wald et al. 2003) and asked after the first. Rigid motion changes nothing but that; the BVH of a
+/// deforming mesh is refitted.
 class RayTracer {
  public:
   /// Prepares the scene and builds the BVH in parallel, in the caller's oneTBB arena. Throws
@@ -162,8 +162,8 @@ class RayTracer {
                               std::uint64_t which, Packing packing,
                               Shapes shapes = Shapes::all) const noexcept;
 
-  /// Traces each ray by itself, by Embree's single-ray calls and nothing else but a look at the bounds of what moves: the
-  /// speed limit of everything above. Returns how many hit or were occluded.
+  /// Traces each ray by itself, by Embree's single-ray calls and nothing else but a look at the bounds of what moves:
+  /// the speed limit of everything above. Returns how many hit or were occluded.
   std::uint64_t bare_trace(std::span<const TracedRay> rays) const noexcept;
 
   /// Traces shadow rays in Embree's packets of 8 or 16 and nothing else: the speed limit of occluded_from. Returns how

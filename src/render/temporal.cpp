@@ -14,7 +14,7 @@ namespace {
 // Records, as a share of those after the last sweep and at least, by which their number may grow until the next.
 constexpr double kGrowth = 1.0 / 16.0;
 constexpr std::uint64_t kLeastGrowth = 64;
-constexpr std::size_t kGrain = 16;      // records a thread takes at a time
+constexpr std::size_t kGrain = 16;  // records a thread takes at a time
 
 std::uint16_t mesh_of(std::uint32_t mesh) noexcept {
   return static_cast<std::uint16_t>(std::min<std::uint32_t>(mesh, kManyMeshes));
@@ -130,7 +130,8 @@ void TemporalSource::count_new_records() noexcept {
 
 void TemporalSource::begin_sweep_if_due() noexcept {
   const auto growth = static_cast<std::uint64_t>(kGrowth * static_cast<double>(live_when_swept_));
-  if (!std::exchange(out_of_room_, false) && live_ <= live_when_swept_ + std::max(growth, kLeastGrowth)) return;
+  if (!std::exchange(out_of_room_, false) && live_ <= live_when_swept_ + std::max(growth, kLeastGrowth))
+    return;
   sweeping_ = true;
   for (std::uint32_t id = 0; id < table_.end(); ++id)
     if (table_[id].state == KeptRecord::live) table_[id].state = KeptRecord::unused;
@@ -315,7 +316,8 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   const Packing packing = record_packing(rays_, x.hit.mesh);
   const bool apart = packing == Packing::exact;
   trace_visibility(tracer, point, vpls, open, packing, apart ? Shapes::still : Shapes::all);
-  const std::span<const std::uint64_t> seen = apart ? moving_.unhidden(tracer, point, vpls, open, w.suspect, w.visible) : open;
+  const std::span<const std::uint64_t> seen =
+      apart ? moving_.unhidden(tracer, point, vpls, open, w.suspect, w.visible) : open;
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
   const Irradiance E = irradiance_from(seen, point, vpls, clamp_) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);

@@ -51,8 +51,8 @@ struct ToVpl {
         here(x * n.x + y * n.y + z * n.z),
         there(-(x * v.nx[i] + y * v.ny[i] + z * v.nz[i])) {}
 
-  // |d|^4; where that vanishes, the smallest number by which what is above both horizons can be divided. A sum, for of a
-  // maximum the compiler makes branches, and then no vectors.
+  // |d|^4; where that vanishes, the smallest number by which what is above both horizons can be divided. A sum, for of
+  // a maximum the compiler makes branches, and then no vectors.
   float d4() const noexcept { return d2 * d2 + std::numeric_limits<float>::min(); }
 };
 
@@ -266,7 +266,7 @@ float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, flo
   return G > clamp ? 1.0f - clamp / G : 0.0f;
 }
 
-constexpr std::uint32_t kProposals = 4;  // light samples of which one is asked
+constexpr std::uint32_t kProposals = 4;  // light samples of which one is asked; of eight, noise is no less
 
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
 
