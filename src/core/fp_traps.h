@@ -4,7 +4,7 @@
 //
 // Libraries may, and Embree does: it lets lanes that are not in use compute what they will. Where we call one, a
 // LibraryCall masks the traps meanwhile. Outside of those tests nothing is trapped, and a call costs a load and a
-// branch that is never taken: one for each packet of rays, not for each ray.
+// branch that is never taken: one or two for each packet of rays, not for each ray.
 #pragma once
 
 #include <atomic>

@@ -69,7 +69,8 @@ class MovedBoxes {
   std::vector<MovedBox> boxes_;
 };
 
-/// Points that segments to every box end in, in each box's space: computed once, used for any number of beginnings.
+/// Points that segments to every box end in, in each box's space: computed once, used for any number of beginnings. Of
+/// boxes that outlive it; these may be moved (the vector's memory stays where it is), but not copied in its stead.
 class SegmentEnds {
  public:
   SegmentEnds() = default;

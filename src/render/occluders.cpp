@@ -1,6 +1,5 @@
 #include "render/occluders.h"
 
-#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>

@@ -1,7 +1,7 @@
 // Shadow rays in packets, fast or with answers that do not depend on the packet.
 //
-// Temporal caching keeps the answers of shadow rays and traces a part of them anew, in other packets, beside things
-// that have moved meanwhile; it promises the very bits of a fresh start. Embree's packets do not keep that promise:
+// Temporal caching keeps what still shapes answered to shadow rays and traces a part of them anew, in other packets; it
+// promises the very bits of a fresh start. Embree's packets do not keep that promise:
 // where a ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in
 // other company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of
 // rays in the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any

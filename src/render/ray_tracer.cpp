@@ -88,7 +88,9 @@ struct RayTracer::Embree {
     for (const Bounds& box : bounds) {
       const glm::vec3 a = (box.lower - o) * by, b = (box.upper - o) * by;
       const glm::vec3 in = glm::min(a, b), out = glm::max(a, b);
-      if (std::max({in.x, in.y, in.z, 0.0f}) <= std::min({out.x, out.y, out.z, ray.tfar})) return true;
+      // Wider by some roundings of either, which for an origin far away are more than the padding.
+      if (std::max({in.x, in.y, in.z, 0.0f}) <= std::min({out.x, out.y, out.z, ray.tfar}) * (1.0f + 0x1p-20f))
+        return true;
     }
     return false;
   }
@@ -164,13 +166,14 @@ void set_ray(Packet& to, std::size_t i, const Ray& ray) noexcept {
   to.flags[i] = 0;
 }
 
-// Bounds of a box as it stands, larger by `pad` on every side.
+// Bounds of a box as it stands, larger by `pad` on every side, and by the rounding of its own coordinates.
 Bounds in_world(const PosedBox& posed, float pad) noexcept {
   const glm::mat3& m = posed.pose.linear;
+  const glm::vec3 reach = glm::max(glm::abs(posed.box.lower), glm::abs(posed.box.upper));
+  const float own = 1e-5f * std::max({reach.x, reach.y, reach.z});
   const glm::vec3 centre = posed.pose(0.5f * (posed.box.lower + posed.box.upper));
-  const glm::vec3 half = glm::mat3(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])) *
-                             (0.5f * (posed.box.upper - posed.box.lower)) +
-                         pad;
+  const glm::mat3 stretch(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2]));
+  const glm::vec3 half = stretch * (0.5f * (posed.box.upper - posed.box.lower) + own) + pad;
   return {centre - half, centre + half};
 }
 

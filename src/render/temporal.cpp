@@ -14,7 +14,8 @@ namespace {
 // Records, as a share of those after the last sweep and at least, by which their number may grow until the next.
 constexpr double kGrowth = 1.0 / 16.0;
 constexpr std::uint64_t kLeastGrowth = 64;
-constexpr std::size_t kGrain = 16;  // records a thread takes at a time
+constexpr std::uint32_t kSweepUpdates = 16;  // after so many there is one even so
+constexpr std::size_t kGrain = 16;           // records a thread takes at a time
 
 std::uint16_t mesh_of(std::uint32_t mesh) noexcept {
   return static_cast<std::uint16_t>(std::min<std::uint32_t>(mesh, kManyMeshes));
@@ -108,7 +109,8 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   }
   figures_.records_dropped += homeless_;
   touched += std::exchange(homeless_, 0);
-  if (swept) live_when_swept_ = live_;
+  live_when_swept_ = swept ? live_ : std::min(live_when_swept_, live_);
+  ++updates_since_sweep_;
   begin_sweep_if_due();
   if (touched != 0) return RecordsThen::update;
   forget_verdicts();
@@ -130,8 +132,11 @@ void TemporalSource::count_new_records() noexcept {
 
 void TemporalSource::begin_sweep_if_due() noexcept {
   const auto growth = static_cast<std::uint64_t>(kGrowth * static_cast<double>(live_when_swept_));
-  if (!std::exchange(out_of_room_, false) && live_ <= live_when_swept_ + std::max(growth, kLeastGrowth))
-    return;
+  const bool is_due = live_ > live_when_swept_ + std::max(growth, kLeastGrowth) ||
+                      updates_since_sweep_ >= kSweepUpdates || out_of_room_;
+  if (!is_due) return;
+  out_of_room_ = false;
+  updates_since_sweep_ = 0;
   sweeping_ = true;
   for (std::uint32_t id = 0; id < table_.end(); ++id)
     if (table_[id].state == KeptRecord::live) table_[id].state = KeptRecord::unused;

@@ -24,10 +24,10 @@
 // answers was worked out before, and is looked up by id. The cache alone keeps irradiance from frame to frame, so only
 // update() can tell whether a sum that was taken anew differs from what it was.
 //
-// Records that no pixel uses any more cost as much as others: when the number of records has grown by kGrowth since this
-// was last done, or when there is no room for a new one, the queries of one frame tell which records they use, and the
-// others are dropped as the next frame begins. So their number stays near the number in use, for ever; between such
-// frames queries tell nothing and nothing is paid for.
+// Records that no pixel uses any more cost as much as others: when the number of records has grown by kGrowth (or
+// kLeastGrowth) since this was last done, after kSweepUpdates updates, or when there is no room for a new one, the
+// queries of one frame tell which records they use, and the others are dropped as the next frame begins. So their number
+// stays near the number in use, for ever; between such frames queries tell nothing and nothing is paid for.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is.
@@ -160,7 +160,8 @@ class TemporalSource final : public RecordSource {
   bool sweeping_ = false;
   bool started_ = false;
   bool out_of_room_ = false;
-  std::uint64_t live_ = 0, live_when_swept_ = 0;
+  std::uint64_t live_ = 0, live_when_swept_ = 0;  // the latter: or fewer, if so few were left meanwhile
+  std::uint32_t updates_since_sweep_ = 0;
   std::uint64_t homeless_ = 0;  // in the cache, but not kept here: there was no room
   PassFigures figures_;
 };

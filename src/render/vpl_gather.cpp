@@ -305,7 +305,7 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
     const float G = to.here * to.there / to.d4();
     flux[i] = v.red[i] + v.green[i] + v.blue[i];
     const bool facing = (to.here > 0.0f) & (surface > 0.0f) & (to.there > 0.0f);
-    sends[i] = masked((G < clamp ? G : clamp) * flux[i], facing ? ~0u : 0u);
+    sends[i] = (G < clamp ? G : clamp) * masked(flux[i], facing ? ~0u : 0u);
   }
   // Part by part: sums that do not wait for each other.
   constexpr std::size_t kParts = kWord / kLanes;

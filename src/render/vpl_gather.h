@@ -11,7 +11,8 @@
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced
 // with it, and the sum is a function of the bits, the point and the VPLs: kept bits of which any subset was
 // traced anew give the irradiance of a fresh evaluation bit for bit. A VPL below the horizon of either side needs no
-// ray and has bit 0. What stands still and what moves can be asked apart: the bits of a fresh evaluation are the "and".
+// ray and has bit 0. What stands still and what moves can be asked apart: the "and" has the bits of asking
+// all, as long as packing is exact.
 //
 // Costs: a shadow ray per slot above both horizons; about a nanosecond a slot beside them.
 #pragma once
