@@ -247,12 +247,12 @@ TEST(RenderOcclusion, ARayByItselfMeetsWhatMovesLikeRaysInPackets) {
           Ray ray = fan.ray(i);
           differ += hidden != tracer.occluded(ray);
           differ += hidden != !tracer.intersect(ray).missed();
-          asked += 2;
+          asked += hidden ? 3 : 2;
           ray.t_max = std::numeric_limits<float>::infinity();  // it still meets at least that
           if (hidden && tracer.intersect(ray).missed()) ++differ;
         }
       }
-      // But for rays that brush an edge within rounding; instances do otherwise in 3 % of those in the plane of a face.
+      // But for rays that touch a triangle within rounding: 4 % of those in the plane of a face, less of others.
       EXPECT_LE(differ, asked / (aim == Aim::in_plane ? 20 : 50))
           << "rays of kind " << static_cast<int>(aim) << (many ? ", many" : "");
       if (aim == Aim::surface) {

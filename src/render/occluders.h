@@ -1,9 +1,8 @@
 // Shadow rays in packets, fast or with answers that do not depend on the packet.
 //
 // Temporal caching keeps what still shapes answered to shadow rays and traces a part of them anew, in other packets; it
-// promises the very bits of a fresh start. Embree's packets do not keep that promise:
-// where a ray touches a triangle within rounding, packets cull other boxes than single rays do, and others again in
-// other company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of
+// promises the very bits of a fresh start. Embree's packets do not keep that promise: where a ray touches a triangle
+// within rounding, packets cull other boxes than single rays do, and others again in other company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of
 // rays in the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any
 // packet through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
@@ -15,7 +14,8 @@
 //   but with less ado. tests/render_occlusion_test holds the installed Embree to it.
 //
 // Costs, in rays a second on the Cornell box (72,000 triangles, one core of an Intel Xeon with AVX-512): rtcOccluded1
-// 1, exact 1.3, fast 1.55, full packets of 16 1.55. A box test per ray and moving shape besides.
+// 1, exact 1.3, fast 1.55, full packets of 16 1.55, measured while rtcOccluded1 and the packets of 16 went through
+// instances. A box test per ray and moving shape besides.
 #pragma once
 
 #include <cstdint>

@@ -21,7 +21,7 @@ struct RayTracer::Embree {
   static constexpr float kLeast = 1e-30f;         // of a direction: less counts as this
 
   RTCDevice device = nullptr;
-  RTCScene still = nullptr;           // all meshes that do not move; no instance, which costs rays a third
+  RTCScene still = nullptr;           // all meshes that do not move; as an instance it would be slower
   RTCScene moving = nullptr;          // instances of those that do; null if none does
   std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
   std::vector<RTCGeometry> placings;  // by mesh: the instance in `moving` of those that move; else null
