@@ -12,9 +12,6 @@
 namespace icbench {
 namespace {
 
-// Share of the largest coordinate of its own that a box is padded by: some hundred times the rounding of a float.
-constexpr float kPadShare = 1e-5f;
-
 // Whether a segment given by its middle and its half length misses a box of half extents h around the origin: one of
 // the six axes that can part them does (the box's three, and their cross products with the segment's direction).
 // Written for whole registers: no branches.
@@ -35,12 +32,10 @@ MovedBox::MovedBox(const PosedBox& posed, float epsilon) noexcept
     : inverse_(glm::inverse(glm::dmat3(posed.pose.linear))),
       shift_(posed.pose.shift),
       centre_(0.5f * (posed.box.lower + posed.box.upper)) {
-  const glm::vec3 reach = glm::max(glm::abs(posed.box.lower), glm::abs(posed.box.upper));
-  const float own = kPadShare * std::max({reach.x, reach.y, reach.z});
   for (int axis = 0; axis < 3; ++axis)
     step_[axis] = std::abs(inverse_[0][axis]) + std::abs(inverse_[1][axis]) + std::abs(inverse_[2][axis]);
   // Twice epsilon, for both ends of a ray are set off their surfaces by one.
-  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own + 2.0f * epsilon * step_;
+  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own_padding(posed.box) + 2.0f * epsilon * step_;
 }
 
 bool MovedBox::near(const glm::vec3& p, float distance) const noexcept {

@@ -119,9 +119,10 @@ void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
   part.to_object = glm::mat3(glm::inverse(glm::dmat3(at.pose.linear)));
   part.shift = at.pose.shift;
   part.centre = 0.5f * (at.box.lower + at.box.upper);
-  const glm::mat3& m =
-      part.to_object;  // a step of `pad` in the world is this long in the shape's own space, at most
-  part.half = 0.5f * (at.box.upper - at.box.lower) + pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+  const glm::mat3& m = part.to_object;
+  // A step of `pad` in the world is this long in the shape's own space, at most.
+  const glm::vec3 step = pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+  part.half = 0.5f * (at.box.upper - at.box.lower) + own_padding(at.box) + step;
   parts_.push_back(part);
 }
 

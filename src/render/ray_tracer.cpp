@@ -169,11 +169,10 @@ void set_ray(Packet& to, std::size_t i, const Ray& ray) noexcept {
 // Bounds of a box as it stands, larger by `pad` on every side, and by the rounding of its own coordinates.
 Bounds in_world(const PosedBox& posed, float pad) noexcept {
   const glm::mat3& m = posed.pose.linear;
-  const glm::vec3 reach = glm::max(glm::abs(posed.box.lower), glm::abs(posed.box.upper));
-  const float own = 1e-5f * std::max({reach.x, reach.y, reach.z});
   const glm::vec3 centre = posed.pose(0.5f * (posed.box.lower + posed.box.upper));
   const glm::mat3 stretch(glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2]));
-  const glm::vec3 half = stretch * (0.5f * (posed.box.upper - posed.box.lower) + own) + pad;
+  const glm::vec3 half =
+      stretch * (0.5f * (posed.box.upper - posed.box.lower) + own_padding(posed.box)) + pad;
   return {centre - half, centre + half};
 }
 

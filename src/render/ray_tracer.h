@@ -11,8 +11,10 @@
 // Everything here is safe to call from any number of threads; building the BVH uses oneTBB.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <glm/common.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
@@ -87,6 +89,12 @@ struct PosedBox {
   Bounds box;  ///< holds all vertices
   Pose pose;
 };
+
+/// What such a box is padded by, in its own space, against the rounding of its coordinates: some hundred times that.
+inline float own_padding(const Bounds& box) noexcept {
+  const glm::vec3 reach = glm::max(glm::abs(box.lower), glm::abs(box.upper));
+  return 1e-5f * std::max({reach.x, reach.y, reach.z});
+}
 
 /// A mesh that moved or changed shape from one frame to another.
 struct MovedMesh {
