@@ -98,8 +98,8 @@ class Report(InFolder):
             self.assertEqual("256" in counts, table.name == "simulated.csv", table)
 
     def test_incomplete_results_stand_out(self):
-        self.assertIn('class="banner">Incomplete', self.page(self.results(complete=False)))
-        self.assertNotIn('class="banner"', self.page(self.results(complete=True)))
+        self.assertIn('class="banner">Incomplete', self.page(self.small(complete=False)))
+        self.assertNotIn('class="banner"', self.page(self.small(complete=True)))
 
     def test_omitted_figures_are_named_with_the_reason(self):
         page = self.page(self.results(threads=(2,), workloads=("read_only",)))
@@ -110,7 +110,7 @@ class Report(InFolder):
         self.assertNotIn('id="speedup"', page)
 
     def test_the_environment_and_the_command_are_shown(self):
-        page = self.page(self.results(odd_key="<i>odd</i>"))
+        page = self.page(self.small(odd_key="<i>odd</i>"))
         self.assertIn("icbench sweep --threads 1,2,4 --out results.json", page)
         for key in set(kContext) - {"command_line"}:
             self.assertIn(f"<td>{key}</td>", page)
@@ -139,7 +139,7 @@ class Pareto(InFolder):
         return pareto_page.section(pareto_results.load([path])[0], "pareto", "")
 
     def test_files_beside_the_results_are_found_and_their_part_is_linked(self):
-        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        small = self.small()
         write_results(self.folder / "pareto.json", model_pareto())
         self.good("report.py", small, "--out", self.folder / "out")
         page = (self.folder / "out/report.html").read_text(encoding="utf-8")
@@ -210,7 +210,7 @@ class Repeatability(InFolder):
         return repeatability_page.section(repeatability_results.load([path])[0], "repeatability", "")
 
     def test_files_beside_the_results_are_found_and_their_part_is_linked(self):
-        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        small = self.small()
         write_results(self.folder / "repeatability.json", model_repeatability())
         write_results(self.folder / "repeatability.previous.json", model_repeatability("desk"))
         self.good("report.py", small, "--out", self.folder / "out")
@@ -270,7 +270,7 @@ class Correctness(InFolder):
         return write_results(self.folder / "correctness.json", data)
 
     def page(self, *arguments) -> str:
-        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        small = self.small()
         self.good("report.py", small, *arguments, "--out", self.folder / "out")
         return (self.folder / "out/report.html").read_text(encoding="utf-8")
 
@@ -457,7 +457,7 @@ class Stopped(InFolder):
     """What happens to others when a thread is held, timelines, and where time goes, as parts of the report."""
 
     def test_files_beside_the_results_are_taken_up(self):
-        path = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        path = self.small()
         write_results(self.folder / "preempt.json", model_preempt())
         write_results(self.folder / "timeline.json", model_timeline())
         self.results("breakdown.json", workloads=("miss_driven:cost=4",), threads=(1, 2), repetitions=1)
@@ -483,7 +483,7 @@ class Anatomy(InFolder):
         return anatomy_page.section(anatomy_results.load([path])[0], "anatomy", "")
 
     def test_a_file_beside_the_results_is_found_and_its_part_is_linked(self):
-        small = self.results(caches=few_caches()[:1], workloads=("read_only",), threads=(1,), repetitions=1)
+        small = self.small()
         write_results(self.folder / "anatomy.json", model_anatomy())
         self.good("report.py", small, "--out", self.folder / "out")
         page = (self.folder / "out/report.html").read_text(encoding="utf-8")
@@ -538,7 +538,7 @@ class MainJob(InFolder):
         repeated = write_results(self.folder / "repeated.json", model_repeatability())
         imagined = write_results(self.folder / "imagined.json", model_simulated((1, 4), 0, workloads=kFewWorkloads[:1]))
         self.program("anatomy", f'cp {write_results(self.folder / "apart.json", model_anatomy())} "$OUT"')
-        self.program("icbench", f'[[ $1 != sweep ]] || cp {self.results("made.json")} "$OUT"\n'
+        self.program("icbench", f'[[ $1 != sweep ]] || cp {self.small("made.json")} "$OUT"\n'
                                 f'[[ $1 != simulate ]] || cp {imagined} "$OUT"\n'
                                 '[[ " $* " != *" --validate "* ]] || exit 1\n'  # figures were far off
                                 f'[[ $1 != pareto ]] || cp {compared} "$OUT"\n'

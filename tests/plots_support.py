@@ -438,6 +438,11 @@ class InFolder(unittest.TestCase):
                    "errors": False} | options
         return write_results(self.folder / name, model_results(**options))
 
+    def small(self, name="results.json", **options) -> Path:
+        """The least that makes a report: drawing figures is what takes the time."""
+        return self.results(name, **({"caches": few_caches()[:1], "workloads": ("read_only",), "threads": (1,),
+                                      "repetitions": 1} | options))
+
     def good(self, script, *arguments) -> subprocess.CompletedProcess:
         done = run(script, *arguments)
         self.assertEqual(done.returncode, 0, done.stderr)

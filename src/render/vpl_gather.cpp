@@ -268,7 +268,19 @@ float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, flo
 
 constexpr std::uint32_t kProposals = 4;  // light samples of which one is asked; of eight, noise is no less
 
+// Compensation rays that share an estimate of the light that arrives at what they met. Of 32 rays at a point, eight
+// estimates make no more error than 32 beside that of 1,024 VPLs; four would leave edges that are seen.
+constexpr std::uint32_t kPerEstimate = 4;
+
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
+
+// One of the weights, drawn in their proportion: the first below whose end `target`, of [0, their sum), lies. `target`
+// becomes what is left of it there. Where rounding carries it past all, the last.
+std::size_t pick(std::span<const float> weights, float& target) noexcept {
+  std::size_t i = 0;
+  for (; i + 1 < weights.size() && !(target < weights[i]); ++i) target -= weights[i];
+  return i;
+}
 
 // Irradiance from the lamps, weighted as propose_light does beside rays of length `reach`: of a few samples one is
 // asked, drawn by what it would send if nothing lay between (importance resampling, Talbot et al. 2005). Where there
@@ -281,9 +293,8 @@ Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, float reach, Pcg
         propose_light(tracer.shared(), at, q, random, proposals[k], reach) ? sum_of(proposals[k].E) : 0.0f;
     total += sends[k];
   }
-  const float target = random.uniform() * total;
-  std::uint32_t k = 0;
-  for (float below = sends[0]; k + 1 < kProposals && !(target < below);) below += sends[++k];
+  float target = random.uniform() * total;
+  const std::size_t k = pick(sends, target);
   if (!(sends[k] > 0.0f && total < kMaxIrradiance) || tracer.occluded(proposals[k].shadow))
     return glm::vec3(0.0f);
   return total / kProposals * (proposals[k].E / sends[k]);
@@ -317,13 +328,9 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   if (!(total > 0.0f && total < kMaxIrradiance))
     return glm::vec3(0.0f);  // or beyond what a float can be summed to
 
-  const float target = u * total;
-  std::size_t part = 0;
-  float before = 0.0f;
-  while (part + 1 < kParts && !(target < before + parts[part])) before += parts[part++];
-  std::size_t i = part * kLanes;
-  const std::size_t last = i + kLanes - 1;
-  for (float below = before + sends[i]; i < last && !(target < below);) below += sends[++i];
+  float target = u * total;
+  const std::size_t first = pick(parts, target) * kLanes;
+  const std::size_t i = first + pick({sends + first, kLanes}, target);
   if (!(sends[i] > 0.0f)) return glm::vec3(0.0f);
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(at.p, at.ng);
@@ -477,14 +484,29 @@ Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, f
     for (std::uint32_t k = 0; k < n; ++k) met[k] = tracer.intersect(asked[k]);
 
   Compensation out;
-  for (std::uint32_t k = 0; k < n; ++k) {
-    if (!reflects(rays, met[k])) continue;
-    const float share = taken_share(hit.p, hit.n, met[k], clamp);
-    if (!(share > 0.0f)) continue;
-    out.met |= std::uint64_t{1} << index[k];
-    Pcg32 random(hash_keys(key, index[k] + 1));
-    out.E += share / static_cast<float>(count) * rays.albedo(met[k]) *
-             irradiance_at(tracer, met[k], vpls, clamp, random);
+  for (std::uint32_t k = 0; k < n;) {
+    // What the surfaces met count, in all.
+    const std::uint32_t group = index[k] / kPerEstimate;
+    float weights[kPerEstimate], total = 0.0f;
+    std::uint32_t counting[kPerEstimate], m = 0;
+    for (; k < n && index[k] / kPerEstimate == group; ++k) {
+      if (!reflects(rays, met[k])) continue;
+      const float share = taken_share(hit.p, hit.n, met[k], clamp);
+      const float weight = share * sum_of(rays.albedo(met[k]));
+      if (!(weight > 0.0f)) continue;
+      out.met |= std::uint64_t{1} << index[k];
+      counting[m] = k;
+      weights[m++] = weight;
+      total += weight;
+    }
+    if (m == 0) continue;
+    // The light that arrives there, at one of them.
+    Pcg32 random(hash_keys(key, group + 1));
+    float target = random.uniform() * total;
+    const Hit& at = met[counting[pick({weights, m}, target)]];
+    const glm::vec3 albedo = rays.albedo(at);
+    out.E += total / static_cast<float>(count) * (albedo / sum_of(albedo)) *
+             irradiance_at(tracer, at, vpls, clamp, random);
   }
   return out;
 }

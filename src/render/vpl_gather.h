@@ -4,8 +4,9 @@
 // nothing lies between. G is unbounded where a VPL lies close to the point, and the clamp takes the spots away that
 // this would make. What it takes from the light of close surfaces is added back by compensate() (Kollig & Keller 2004,
 // "Illumination in the presence of weak singularities"): rays with the cosine's density that look no farther than the
-// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The light that arrives at the surface
-// met is estimated from the lamps, from one of the VPLs, and by compensation in turn. All together are unbiased.
+// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The light that arrives there is
+// estimated at one of the surfaces that a few rays met, drawn by what they count: from the lamps, from one of the VPLs,
+// and by compensation in turn. All together are unbiased.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced
@@ -84,9 +85,10 @@ inline constexpr std::uint32_t kMaxCompensation = 64;
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); to each surface met, two
-/// or three estimate the light that arrives there. Random numbers depend on the key alone; where neighbouring points
-/// have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); for every four of these,
+/// two or three estimate the light that arrives at what they met. Random numbers depend on the key alone; where
+/// neighbouring points have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise.
+/// 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
 /// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the
 /// result is that of tracing all, bit for bit.
