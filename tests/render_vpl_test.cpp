@@ -323,8 +323,9 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
   for (Hit x : reflecting_hits(rays, 8)) {
     x.p += 0.2f * x.ng;  // off the surface, where no VPL is near
     trace_visibility(tracer, x, vpls, bits);
-    const IrradianceGradients g = gradients_from(bits, x, vpls, kNoClamp);
-    const float E = irradiance_from(bits, x, vpls, kNoClamp).y;
+    IrradianceGradients g;
+    const float E = irradiance_from(bits, x, vpls, kNoClamp, g).y;
+    ASSERT_EQ(E, irradiance_from(bits, x, vpls, kNoClamp).y);
     const auto slope = [&](auto&& change, float h) {
       Hit more = x, less = x;
       change(more, h);
@@ -352,7 +353,8 @@ TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {
   Tracer tracer(rays);
   Bits bits(set.vpls().words());
   trace_visibility(tracer, x, set.vpls(), bits);
-  const IrradianceGradients g = gradients_from(bits, x, set.vpls(), 1e-12f);
+  IrradianceGradients g;
+  irradiance_from(bits, x, set.vpls(), 1e-12f, g);
   for (std::size_t c = 0; c < 3; ++c)
     EXPECT_TRUE(g.translational[c] == glm::vec3(0.0f) && g.rotational[c] == glm::vec3(0.0f));
 }

@@ -158,7 +158,8 @@ class Film {
       Record expected{point.p, point.n, radius.radius(codes), E, r.id};
       if (shapes != nullptr) {
         RecordDetail detail;
-        const IrradianceGradients gradients = gradients_from(seen, point, vpls.vpls(), clamp);
+        IrradianceGradients gradients;
+        irradiance_from(seen, point, vpls.vpls(), clamp, gradients);
         expected.R = shapes->shaper.shape_of_vpls(expected.R, E, gradients, detail);
         const IrradianceGradients& kept = shapes->details[r.id].gradients;
         if (std::memcmp(&kept, &detail.gradients, sizeof kept) != 0) first = "gradients";

@@ -191,9 +191,10 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
     const Compensation added =
         compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
     const std::span<const std::uint64_t> seen = see_anew(tracer, w, c, point, id);
-    E = irradiance_from(seen, point, vpls_.vpls(), clamp_) + added.E;
+    IrradianceGradients gradients;
+    E = light_from(seen, point, gradients) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
-    if (shapes_) reshape(id, point, seen, E);
+    if (shapes_) reshape(id, E, gradients);
   }
 
   const float R = radius_of(id, r.distances);
@@ -210,12 +211,18 @@ float TemporalSource::radius_of(std::uint32_t id, const DistanceCodes& distances
   return shapes_ ? shapes_->details[id].R : radius_.radius(distances);
 }
 
-// Finds a kept record's gradients, and with them its radius.
-float TemporalSource::reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen,
-                              const Irradiance& E) noexcept {
-  const KeptRecord& r = table_[id];
-  const IrradianceGradients gradients = gradients_from(seen, point, vpls_.vpls(), clamp_);
-  return shapes_->shaper.shape_of_vpls(radius_.radius(r.distances), E, gradients, shapes_->details[id]);
+// Irradiance of the VPLs that are seen, and, where records are extrapolated, its gradients.
+Irradiance TemporalSource::light_from(std::span<const std::uint64_t> seen, const Hit& point,
+                                      IrradianceGradients& gradients) const noexcept {
+  return shapes_ ? irradiance_from(seen, point, vpls_.vpls(), clamp_, gradients)
+                 : irradiance_from(seen, point, vpls_.vpls(), clamp_);
+}
+
+// A kept record's detail and radius, as its light and gradients want them.
+float TemporalSource::reshape(std::uint32_t id, const Irradiance& E,
+                              const IrradianceGradients& gradients) noexcept {
+  return shapes_->shaper.shape_of_vpls(radius_.radius(table_[id].distances), E, gradients,
+                                       shapes_->details[id]);
 }
 
 // Whether a segment to a VPL that may be seen meets a box of what moved.
@@ -324,11 +331,12 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   const std::span<const std::uint64_t> seen =
       apart ? moving_.unhidden(tracer, point, vpls, open, w.suspect, w.visible) : open;
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
-  const Irradiance E = irradiance_from(seen, point, vpls, clamp_) + added.E;
+  IrradianceGradients gradients;
+  const Irradiance E = light_from(seen, point, gradients) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
   if (!shapes_ || !has_room) return {point.p, point.n, radius_.radius(r.distances), E, id};
   shapes_->details.make_room(id);
-  return {point.p, point.n, reshape(id, point, seen, E), E, id};
+  return {point.p, point.n, reshape(id, E, gradients), E, id};
 }
 
 void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {

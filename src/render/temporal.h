@@ -140,8 +140,9 @@ class TemporalSource final : public RecordSource {
   std::uint32_t cut_distances(const Change& change, const Hit& point,
                               const DistanceCodes& distances) const noexcept;
   float radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept;
-  float reshape(std::uint32_t id, const Hit& point, std::span<const std::uint64_t> seen,
-                const Irradiance& E) noexcept;
+  Irradiance light_from(std::span<const std::uint64_t> seen, const Hit& point,
+                        IrradianceGradients& gradients) const noexcept;
+  float reshape(std::uint32_t id, const Irradiance& E, const IrradianceGradients& gradients) noexcept;
   void forget_verdicts() noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
 

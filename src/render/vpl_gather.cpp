@@ -145,21 +145,30 @@ std::uint32_t reverse_bits(std::uint32_t x) noexcept {
   return __builtin_bswap32(x);
 }
 
-// The sum of min(G, clamp) flux: 16 partial sums, then those in pairs. One function adds a word, so that all sums of
-// the same bits are the same.
+// Of every VPL of a word, whether seen or not: 1 / |d|^4, and G. Found once for sums and slopes, by one function, so that
+// all sums of the same bits are the same.
+struct WordOfG {
+  alignas(64) float inverse[kWord], G[kWord];
+
+  [[gnu::noinline]] void find(const WordOfVpls& v, const glm::vec3& p, const glm::vec3& n) noexcept {
+    for (std::size_t i = 0; i < kWord; ++i) {
+      const ToVpl to(v, i, p, n);
+      inverse[i] = 1.0f / to.d4();
+      G[i] = to.here * to.there * inverse[i];
+    }
+  }
+};
+
+// The sum of min(G, clamp) flux: 16 partial sums, then those in pairs.
 class Sum {
  public:
-  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const glm::vec3& p, const glm::vec3& n,
+  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const WordOfG& word,
                              float clamp) noexcept {
-    if (bits == 0) return;
     for (std::size_t first = 0; first < kWord; first += kLanes) {
       const auto some = static_cast<std::uint32_t>(bits >> first & 0xffffu);
-      if (some == 0) continue;
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const std::size_t i = first + l;
-        const ToVpl to(v, i, p, n);
-        const float G = to.here * to.there / to.d4();
-        const float bounded = G < clamp ? G : clamp;
+        const float bounded = word.G[i] < clamp ? word.G[i] : clamp;
         const float g = (some >> l & 1u) != 0 ? bounded : 0.0f;
         red_[l] += g * v.red[i];
         green_[l] += g * v.green[i];
@@ -191,23 +200,18 @@ inline float masked(float x, std::uint32_t bits) noexcept {
 //   (-d.n_j) / |d|^4 (n x d)                                   as the normal turns, by axis of rotation.
 class Slopes {
  public:
-  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const glm::vec3& p, const glm::vec3& n,
-                             float clamp) noexcept {
-    if (bits == 0) return;
+  [[gnu::noinline]] void add(const WordOfVpls& v, std::uint64_t bits, const WordOfG& word, const glm::vec3& p,
+                             const glm::vec3& n, float clamp) noexcept {
     // In steps, results between them on the stack: in one loop the compiler makes branches, and no vectors.
     alignas(64) std::uint32_t kept[kWord];
-    alignas(64) float inverse[kWord], G[kWord], moves[3][kWord], turns[3][kWord];
+    alignas(64) float moves[3][kWord], turns[3][kWord];
     for (std::size_t i = 0; i < kWord; ++i) kept[i] = 0u - static_cast<std::uint32_t>(bits >> i & 1u);
+    for (std::size_t i = 0; i < kWord; ++i) kept[i] &= word.G[i] < clamp ? ~0u : 0u;
     for (std::size_t i = 0; i < kWord; ++i) {
       const ToVpl to(v, i, p, n);
-      inverse[i] = 1.0f / to.d4();
-      G[i] = to.here * to.there * inverse[i];
-    }
-    for (std::size_t i = 0; i < kWord; ++i) kept[i] &= G[i] < clamp ? ~0u : 0u;
-    for (std::size_t i = 0; i < kWord; ++i) {
-      const ToVpl to(v, i, p, n);
-      const float turn = to.there * masked(inverse[i], kept[i]), lean = to.here * masked(inverse[i], kept[i]);
-      const float pull = 4.0f * masked(G[i], kept[i]) / (to.d2 + std::numeric_limits<float>::min());
+      const float inverse = masked(word.inverse[i], kept[i]);
+      const float turn = to.there * inverse, lean = to.here * inverse;
+      const float pull = 4.0f * masked(word.G[i], kept[i]) / (to.d2 + std::numeric_limits<float>::min());
       moves[0][i] = lean * v.nx[i] + pull * to.x - turn * n.x;
       moves[1][i] = lean * v.ny[i] + pull * to.y - turn * n.y;
       moves[2][i] = lean * v.nz[i] + pull * to.z - turn * n.z;
@@ -255,6 +259,32 @@ class Slopes {
 
   alignas(64) float moved_[3][3][kLanes] = {};  // channel, axis
   alignas(64) float turned_[3][3][kLanes] = {};
+};
+
+// A point that is lit, word by word.
+class Lit {
+ public:
+  Lit(const Hit& hit, const VplArrays& vpls, float clamp) noexcept : hit_(hit), vpls_(vpls), clamp_(clamp) {}
+
+  void add(std::size_t word, std::uint64_t bits) noexcept {
+    if (bits == 0) return;
+    const WordOfVpls v(vpls_, word);
+    g_.find(v, hit_.p, hit_.n);
+    sum_.add(v, bits, g_, clamp_);
+  }
+  void add(std::size_t word, std::uint64_t bits, Slopes& slopes) noexcept {
+    add(word, bits);
+    if (bits != 0) slopes.add(WordOfVpls(vpls_, word), bits, g_, hit_.p, hit_.n, clamp_);
+  }
+
+  Irradiance irradiance() noexcept { return sum_.irradiance(); }
+
+ private:
+  const Hit& hit_;
+  const VplArrays& vpls_;
+  float clamp_;
+  WordOfG g_;  // of the word added last
+  Sum sum_;
 };
 
 // Share of the light between two facing points that the clamp takes; 0 where it takes none.
@@ -398,43 +428,38 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
 
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp) noexcept {
-  Sum sum;
-  for (std::size_t w = 0; w < vpls.words(); ++w) sum.add(WordOfVpls(vpls, w), bits[w], hit.p, hit.n, clamp);
-  return sum.irradiance();
+  Lit lit(hit, vpls, clamp);
+  for (std::size_t w = 0; w < vpls.words(); ++w) lit.add(w, bits[w]);
+  return lit.irradiance();
 }
 
-IrradianceGradients gradients_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
-                                   float clamp) noexcept {
+Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
+                           float clamp, IrradianceGradients& gradients) noexcept {
+  Lit lit(hit, vpls, clamp);
   Slopes slopes;
-  for (std::size_t w = 0; w < vpls.words(); ++w)
-    slopes.add(WordOfVpls(vpls, w), bits[w], hit.p, hit.n, clamp);
-  return slopes.gradients(hit.n);
+  for (std::size_t w = 0; w < vpls.words(); ++w) lit.add(w, bits[w], slopes);
+  gradients = slopes.gradients(hit.n);
+  return lit.irradiance();
 }
 
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                        Packing packing) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
-  Sum sum;
-  for (std::size_t w = 0; w < vpls.words(); ++w) {
-    const WordOfVpls v(vpls, w);
-    sum.add(v, visible(tracer, from, hit, v, packing, Shapes::all), hit.p, hit.n, clamp);
-  }
-  return sum.irradiance();
+  Lit lit(hit, vpls, clamp);
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    lit.add(w, visible(tracer, from, hit, WordOfVpls(vpls, w), packing, Shapes::all));
+  return lit.irradiance();
 }
 
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp, Packing packing,
                        IrradianceGradients& gradients) noexcept {
   const glm::vec3 from = tracer.shared().leave(hit.p, hit.ng);
-  Sum sum;
+  Lit lit(hit, vpls, clamp);
   Slopes slopes;
-  for (std::size_t w = 0; w < vpls.words(); ++w) {
-    const WordOfVpls v(vpls, w);
-    const std::uint64_t seen = visible(tracer, from, hit, v, packing, Shapes::all);
-    sum.add(v, seen, hit.p, hit.n, clamp);
-    slopes.add(v, seen, hit.p, hit.n, clamp);
-  }
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    lit.add(w, visible(tracer, from, hit, WordOfVpls(vpls, w), packing, Shapes::all), slopes);
   gradients = slopes.gradients(hit.n);
-  return sum.irradiance();
+  return lit.irradiance();
 }
 
 std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hit> points,
