@@ -155,6 +155,43 @@ TEST(RenderVpl, ASetHasAboutAsManyVplsAsWantedEachInASlotOfItsPath) {
   }
 }
 
+// Guards against: words of slots from all over the scene, of which none can be left out.
+TEST(RenderVpl, ANewSetsNeighboursFaceAlikeAndLieClose) {
+  const VplSet set = traced_set(cornell_box_rays(), 1000, 3);
+  const auto facing = [](const Vpl& v) {
+    const glm::vec3 n = glm::abs(v.n);
+    const int axis = n.x >= n.y && n.x >= n.z ? 0 : n.y >= n.z ? 1 : 2;
+    return 2 * axis + (v.n[axis] > 0.0f ? 1 : 0);
+  };
+  int turns = 0;
+  double beside = 0.0, anywhere = 0.0;
+  const std::size_t count = set.count();
+  for (std::size_t slot = 0; slot + 1 < count; ++slot) {
+    const Vpl a = set.vpls()[slot], b = set.vpls()[slot + 1], c = set.vpls()[(slot + count / 2) % count];
+    turns += facing(a) != facing(b) ? 1 : 0;
+    beside += glm::distance(a.p, b.p);
+    anywhere += glm::distance(a.p, c.p);
+  }
+  EXPECT_LE(turns, 5);
+  EXPECT_LT(beside, 0.25 * anywhere);
+}
+
+TEST(RenderVpl, ASampleIsOneSlotInSoManyAndTheyAreAllTheSlots) {
+  VplArrays vpls(200);
+  for (std::size_t slot = 0; slot < 200; ++slot)
+    vpls.set(slot, {glm::vec3(static_cast<float>(slot)),
+                    {0.0f, 1.0f, 0.0f},
+                    glm::vec3(1.0f + static_cast<float>(slot))});
+  vpls.grow(vpls.slots() + 1);
+  ASSERT_EQ(vpls.words(), 5u);
+  for (std::size_t slot = 0; slot < vpls.slots(); ++slot)
+    for (std::size_t c = 0; c < VplArrays::kComponents; ++c) {
+      const auto component = static_cast<VplArrays::Component>(c);
+      EXPECT_EQ(vpls.sample_of(component, slot % 5)[slot / 5], vpls.of(component)[slot]);
+    }
+  EXPECT_EQ(vpls[199].p.x, 199.0f);
+}
+
 TEST(RenderVpl, PathsFollowMirrorsWithoutLeavingAVplThere) {
   const RayTracer rays(room());
   const VplSet set = traced_set(rays, 2000, 1);

@@ -426,13 +426,16 @@ TEST(MovedBoxes, ManySegmentsAtOnceAreJudgedAsOneByOne) {
   const MovedBoxes boxes(rays.go_to(3.0f), rays.epsilon());
   Pcg32 random(3);
   std::vector<float> x, y, z;
+  // A word to the left, which may be passed by as a whole, one to the right, and two points anywhere.
   for (int i = 0; i < 130; ++i) {
-    x.push_back(2.0f * random.uniform() - 1.0f);
+    x.push_back(i < 64    ? 0.3f * random.uniform() - 1.0f
+                : i < 128 ? 1.0f - 0.3f * random.uniform()
+                          : 2.0f * random.uniform() - 1.0f);
     y.push_back(2.0f * random.uniform());
     z.push_back(2.0f * random.uniform() - 1.0f);
   }
   const SegmentEnds ends(boxes, {x.data(), y.data(), z.data(), x.size()});
-  for (int k = 0; k < 50; ++k) {
+  for (int k = 0; k < 500; ++k) {
     const glm::vec3 from(2.0f * random.uniform() - 1.0f, 2.0f * random.uniform(),
                          2.0f * random.uniform() - 1.0f);
     std::vector<std::uint64_t> hits(3);

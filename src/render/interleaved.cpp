@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <glm/geometric.hpp>
+#include <iterator>
 
 #include "render/integrators.h"
 #include "render/irradiance_cache.h"
@@ -75,13 +76,17 @@ VplGroups::VplGroups(const VplSet& set, std::uint32_t n) : n_(n) {
     const auto first = static_cast<std::uint32_t>(std::uint64_t{paths} * k / count);
     const auto end = static_cast<std::uint32_t>(std::uint64_t{paths} * (k + 1) / count);
     shares_.push_back(static_cast<float>(end - first) / static_cast<float>(paths));
-    std::vector<Vpl> vpls;
+    std::vector<std::uint32_t> slots;
     for (std::uint32_t path = first; path < end; ++path)
-      for (const std::uint32_t slot : set.slots(path))
-        if (slot != kNoSlot) vpls.push_back(set.vpls()[slot]);
-    VplArrays& group = groups_.emplace_back(vpls.size());
+      std::ranges::copy_if(set.slots(path), std::back_inserter(slots),
+                           [](std::uint32_t slot) { return slot != kNoSlot; });
+    std::sort(slots.begin(), slots.end());
+    VplArrays& group = groups_.emplace_back(slots.size());
     const float scale = count == 1 ? 1.0f : 1.0f / shares_.back();
-    for (std::size_t i = 0; i < vpls.size(); ++i) group.set(i, {vpls[i].p, vpls[i].n, scale * vpls[i].flux});
+    for (std::size_t i = 0; i < slots.size(); ++i) {
+      const Vpl vpl = set.vpls()[slots[i]];
+      group.set(i, {vpl.p, vpl.n, scale * vpl.flux});
+    }
   }
 }
 

@@ -89,24 +89,31 @@ bool MovedBoxes::near(const glm::vec3& p, float distance) const noexcept {
 SegmentEnds::SegmentEnds(const MovedBoxes& boxes, const PointsView& world)
     : boxes_(boxes.boxes()), count_(world.count), padded_((world.count + 63) / 64 * 64) {
   points_.resize(3 * padded_ * boxes_.size());
+  words_.resize(padded_ / 64 * boxes_.size());
   float* to = points_.data();
+  Bounds* words = words_.data();
   for (const MovedBox& box : boxes_) {
     for (std::size_t i = 0; i < count_; ++i) {
       const glm::vec3 p = box.to_box({world.x[i], world.y[i], world.z[i]});
+      Bounds& word = words[i / 64];
+      word = i % 64 == 0 ? Bounds{p, p} : Bounds{glm::min(word.lower, p), glm::max(word.upper, p)};
       to[i] = p.x;
       to[padded_ + i] = p.y;
       to[2 * padded_ + i] = p.z;
     }
     to += 3 * padded_;
+    words += padded_ / 64;
   }
 }
 
 void SegmentEnds::mark(const glm::vec3& from, std::span<std::uint64_t> hits) const noexcept {
   const float* points = points_.data();
+  const Bounds* word = words_.data();
   for (const MovedBox& box : boxes_) {
     const glm::vec3 a = box.to_box(from);
-    for (std::size_t i = 0; i < padded_; i += 64)
-      box.mark(a, points + i, points + padded_ + i, points + 2 * padded_ + i, hits[i / 64]);
+    for (std::size_t i = 0; i < padded_; i += 64, ++word)
+      if (!box.passed_by(a, *word))
+        box.mark(a, points + i, points + padded_ + i, points + 2 * padded_ + i, hits[i / 64]);
     points += 3 * padded_;
   }
   if (!boxes_.empty() && count_ < padded_) hits[count_ / 64] &= (std::uint64_t{1} << count_ % 64) - 1;

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/common.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 #include <span>
@@ -36,6 +37,13 @@ class MovedBox {
 
   /// Whether it comes within `distance` (of the world) of a point of its space; conservative.
   bool near(const glm::vec3& p, float distance) const noexcept;
+
+  /// Whether no segment from `a` to what lies within these bounds can meet it, all in its space; conservative.
+  bool passed_by(const glm::vec3& a, const Bounds& ends) const noexcept {
+    const glm::vec3 low = glm::min(a, ends.lower), high = glm::max(a, ends.upper);
+    return (low.x > half_.x) | (low.y > half_.y) | (low.z > half_.z) | (high.x < -half_.x) |
+           (high.y < -half_.y) | (high.z < -half_.z);
+  }
 
   /// Sets bit i of `hits` for each of the segments from `a` to 64 ends, in the box's space, that meets it; leaves other
   /// bits as they are.
@@ -84,6 +92,7 @@ class SegmentEnds {
   std::span<const MovedBox> boxes_;
   std::size_t count_ = 0, padded_ = 0;  // padded: to whole words
   std::vector<float> points_;           // x of all, y of all, z of all; for each box
+  std::vector<Bounds> words_;           // of the points of each word; for each box
 };
 
 }  // namespace icbench

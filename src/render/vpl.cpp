@@ -59,6 +59,24 @@ EmittedRay emit(const LightTable& lights, PathNumbers& random) noexcept {
   return lights.emit(u_light, u1, u2, v1, v2);
 }
 
+// In the order of these, neighbours face alike and lie close: by the axis that the normal is nearest to, then along a
+// Z-curve through the bounds.
+std::uint64_t place_key(const Vpl& vpl, const Bounds& box) noexcept {
+  constexpr int kBits = 10;  // an axis
+  const glm::vec3 size = box.upper - box.lower, n = glm::abs(vpl.n);
+  const float edge = std::max({size.x, size.y, size.z});
+  const glm::length_t axis = n.x >= n.y && n.x >= n.z ? 0 : n.y >= n.z ? 1 : 2;
+  std::uint64_t key = 2 * static_cast<std::uint64_t>(axis) + (vpl.n[axis] > 0.0f ? 1 : 0);
+  glm::uvec3 cell(0);
+  if (edge > 0.0f) {
+    const glm::vec3 in_box = glm::clamp((vpl.p - box.lower) / edge, 0.0f, 1.0f - 0x1p-24f);
+    cell = glm::uvec3(in_box * static_cast<float>(1 << kBits));
+  }
+  for (int bit = kBits - 1; bit >= 0; --bit)
+    for (glm::length_t a = 0; a < 3; ++a) key = key << 1 | (cell[a] >> bit & 1u);
+  return key;
+}
+
 bool same_bits(const float* a, const float* b, std::size_t n) noexcept {
   return std::memcmp(a, b, n * sizeof(float)) == 0;
 }
@@ -115,7 +133,7 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
 }  // namespace
 
 VplArrays::VplArrays(std::size_t slots)
-    : slots_((slots + kWord - 1) / kWord * kWord), values_(kComponents * slots_) {}
+    : slots_((slots + kWord - 1) / kWord * kWord), values_(kComponents * slots_), samples_(values_) {}
 
 Vpl VplArrays::operator[](std::size_t slot) const noexcept {
   const auto get = [&](Component c) { return of(c)[slot]; };
@@ -126,13 +144,14 @@ Vpl VplArrays::operator[](std::size_t slot) const noexcept {
 void VplArrays::set(std::size_t slot, const Vpl& vpl) noexcept {
   const float values[kComponents] = {vpl.p.x, vpl.p.y,    vpl.p.z,    vpl.n.x,   vpl.n.y,
                                      vpl.n.z, vpl.flux.x, vpl.flux.y, vpl.flux.z};
-  for (std::size_t c = 0; c < kComponents; ++c) at(c, slot) = values[c];
+  const std::size_t sampled = slot % words() * kWord + slot / words();
+  for (std::size_t c = 0; c < kComponents; ++c)
+    values_[c * slots_ + slot] = samples_[c * slots_ + sampled] = values[c];
 }
 
 void VplArrays::grow(std::size_t slots) {
   VplArrays larger(slots);
-  for (std::size_t c = 0; c < kComponents; ++c)
-    std::copy_n(of(Component(c)), slots_, larger.values_.data() + c * larger.slots_);
+  for (std::size_t slot = 0; slot < slots_; ++slot) larger.set(slot, (*this)[slot]);
   *this = std::move(larger);
 }
 
@@ -160,7 +179,7 @@ VplSet::VplSet(const RayTracer& rays, const VplParams& params) : rays_(&rays), s
 }
 
 std::size_t VplSet::bytes() const noexcept {
-  return VplArrays::kComponents * vpls_.slots() * sizeof(float) + used_.capacity() * sizeof(used_[0]) +
+  return 2 * VplArrays::kComponents * vpls_.slots() * sizeof(float) + used_.capacity() * sizeof(used_[0]) +
          ranges_.capacity() * sizeof(ranges_[0]) + vertices_.capacity() * sizeof(vertices_[0]) +
          vertex_slots_.capacity() * sizeof(vertex_slots_[0]);
 }
@@ -185,6 +204,31 @@ void VplSet::free_slot(std::uint32_t slot) noexcept {
   first_free_word_ = std::min(first_free_word_, w);
   vpls_.set(slot, {});
   --count_;
+}
+
+void VplSet::sort_slots() {
+  struct Place {
+    std::uint64_t key;
+    std::uint32_t slot;
+    auto operator<=>(const Place&) const = default;
+  };
+  std::vector<Place> order;
+  for (std::uint32_t slot = 0; slot < vpls_.slots(); ++slot)
+    if (used_[slot / VplArrays::kWord] >> slot % VplArrays::kWord & 1u)
+      order.push_back({place_key(vpls_[slot], rays_->scene().bounds), slot});
+  std::sort(order.begin(), order.end());
+  VplArrays sorted(vpls_.slots());
+  std::vector<std::uint32_t> now(vpls_.slots(), kNoSlot);
+  used_.assign(used_.size(), 0);
+  for (std::uint32_t slot = 0; slot < order.size(); ++slot) {
+    sorted.set(slot, vpls_[order[slot].slot]);
+    now[order[slot].slot] = slot;
+    used_[slot / VplArrays::kWord] |= std::uint64_t{1} << slot % VplArrays::kWord;
+  }
+  vpls_ = std::move(sorted);
+  for (std::uint32_t& slot : vertex_slots_)
+    if (slot != kNoSlot) slot = now[slot];
+  first_free_word_ = order.size() / VplArrays::kWord;
 }
 
 void VplSet::make_room(std::uint32_t path, std::size_t count) {
@@ -241,6 +285,7 @@ void VplUpdate::trace(Tracer& tracer, std::size_t chunk) noexcept {
 VplChange VplUpdate::commit() {
   VplSet& set = *set_;
   const VplArrays before = set.vpls_;
+  const bool is_new = set.count_ == 0;
   const auto for_each_path = [&](auto&& f) {
     for (std::size_t i = 0; i < paths_.size(); ++i) {
       const Traced& traced = chunks_[i / kChunk];
@@ -257,6 +302,7 @@ VplChange VplUpdate::commit() {
     replace(path, traced, first, end);
   });
   if (set.unused_vertices_ > set.vertices_.size() / 2) set.compact();
+  if (is_new) set.sort_slots();
 
   VplChange change;
   change.grew = set.vpls_.slots() > before.slots();

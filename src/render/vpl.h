@@ -11,9 +11,11 @@
 // surface come from a randomly shifted Halton sequence over the paths, the rest from the path's own stream.
 //
 // VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it
-// is traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots follow the paths.
+// is traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots are ordered by where
+// VPLs lie and face, so that those of a word are a region of their own: often all of it lies below a horizon, out of
+// sight or past what moved, and rays to it run side by side.
 //
-// Costs: 36 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
+// Costs: 72 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
 // serial loop in the order of the paths, so that nothing depends on the threads.
 #pragma once
 
@@ -59,11 +61,16 @@ class VplArrays {
   /// Values of all slots; valid until grow.
   const float* of(Component c) const noexcept { return values_.data() + c * slots_; }
 
- private:
-  float& at(std::size_t c, std::size_t slot) noexcept { return values_[c * slots_ + slot]; }
+  /// Values of one slot in words(): `word`, word + words(), word + 2 words() and so on, which are a sample of all; valid
+  /// until grow.
+  const float* sample_of(Component c, std::size_t word) const noexcept {
+    return samples_.data() + c * slots_ + word * kWord;
+  }
 
+ private:
   std::size_t slots_ = 0;
-  std::vector<float> values_;
+  std::vector<float> values_,
+      samples_;  // the same, by component, then by slot, or by sample and then by slot
 };
 
 struct VplParams {
@@ -125,6 +132,7 @@ class VplSet {
   static constexpr double kMaxPathsPerVpl = 64.0;
 
   std::uint32_t take_slot();  // the lowest free one
+  void sort_slots();          // by place; they are the lowest after that
   void free_slot(std::uint32_t slot) noexcept;
   void make_room(std::uint32_t path, std::size_t count);  // for so many vertices, of undefined value
   void compact();

@@ -20,22 +20,28 @@ namespace {
 constexpr std::size_t kWord = VplArrays::kWord;
 constexpr std::size_t kLanes = 16;
 
-// The components of one word of slots.
+// The components of 64 VPLs: those of a word of slots, or a sample of all.
 struct WordOfVpls {
   const float *px, *py, *pz, *nx, *ny, *nz, *red, *green, *blue;
 
-  WordOfVpls(const VplArrays& vpls, std::size_t word) noexcept {
-    const auto of = [&](VplArrays::Component c) { return vpls.of(c) + word * kWord; };
-    px = of(VplArrays::kPx);
-    py = of(VplArrays::kPy);
-    pz = of(VplArrays::kPz);
-    nx = of(VplArrays::kNx);
-    ny = of(VplArrays::kNy);
-    nz = of(VplArrays::kNz);
-    red = of(VplArrays::kRed);
-    green = of(VplArrays::kGreen);
-    blue = of(VplArrays::kBlue);
+  WordOfVpls(const VplArrays& vpls, std::size_t word) noexcept
+      : WordOfVpls([&](VplArrays::Component c) { return vpls.of(c) + word * kWord; }) {}
+  static WordOfVpls sample(const VplArrays& vpls, std::size_t word) noexcept {
+    return WordOfVpls([&](VplArrays::Component c) { return vpls.sample_of(c, word); });
   }
+
+ private:
+  template <class Of>
+  explicit WordOfVpls(const Of& of) noexcept
+      : px(of(VplArrays::kPx)),
+        py(of(VplArrays::kPy)),
+        pz(of(VplArrays::kPz)),
+        nx(of(VplArrays::kNx)),
+        ny(of(VplArrays::kNy)),
+        nz(of(VplArrays::kNz)),
+        red(of(VplArrays::kRed)),
+        green(of(VplArrays::kGreen)),
+        blue(of(VplArrays::kBlue)) {}
 };
 
 // From a point with normal n to VPL i of a word.
@@ -330,7 +336,7 @@ Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, float reach, Pcg
   return total / kProposals * (proposals[k].E / sends[k]);
 }
 
-// Irradiance from all VPLs, clamped, by one of a word that is drawn at random: drawn by what it would send if nothing
+// Irradiance from all VPLs, clamped, by one of a sample that is drawn at random: drawn by what it would send if nothing
 // lay between. Asking four makes the noise of compensation some 5 % less and its rays almost twice as many.
 Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp,
                        Pcg32& random) noexcept {
@@ -338,7 +344,7 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   const auto word = static_cast<std::size_t>(random.uniform() * words);
   const float u = random.uniform();
   if (word >= vpls.words()) return glm::vec3(0.0f);  // there are none, or it was rounded up
-  const WordOfVpls v(vpls, word);
+  const WordOfVpls v = WordOfVpls::sample(vpls, word);
   alignas(64) float sends[kWord], flux[kWord];
   for (std::size_t i = 0; i < kWord; ++i) {
     const ToVpl to(v, i, at.p, at.n);
@@ -364,7 +370,7 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   if (!(sends[i] > 0.0f)) return glm::vec3(0.0f);
   const RayTracer& rays = tracer.shared();
   const glm::vec3 from = rays.leave(at.p, at.ng);
-  const Vpl vpl = vpls[word * kWord + i];
+  const Vpl vpl = vpls[i * vpls.words() + word];
   if (tracer.occluded(Ray{from, 1.0f, rays.leave(vpl.p, vpl.n) - from})) return glm::vec3(0.0f);
   return words * total * std::numbers::inv_pi_v<float> * (vpl.flux / flux[i]);
 }
