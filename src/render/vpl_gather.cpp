@@ -536,8 +536,9 @@ Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, f
     float target = random.uniform() * total;
     const Hit& at = met[counting[pick({weights, m}, target)]];
     const glm::vec3 albedo = rays.albedo(at);
-    out.E += total / static_cast<float>(count) * (albedo / sum_of(albedo)) *
-             irradiance_at(tracer, at, vpls, clamp, random);
+    const float scale =
+        total / (static_cast<float>(count) * std::max(sum_of(albedo), std::numeric_limits<float>::min()));
+    out.E += scale * albedo * irradiance_at(tracer, at, vpls, clamp, random);
   }
   return out;
 }
