@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
@@ -44,6 +45,16 @@ VplSet traced_set(const RayTracer& rays, std::uint32_t wanted, std::uint64_t see
 bool same_bits(const VplArrays& a, const VplArrays& b) {
   return a.slots() == b.slots() && std::memcmp(a.of(VplArrays::kPx), b.of(VplArrays::kPx),
                                                VplArrays::kComponents * a.slots() * sizeof(float)) == 0;
+}
+
+// Whether samples hold what slots do.
+bool samples_agree(const VplArrays& vpls) {
+  for (std::size_t slot = 0; slot < vpls.slots(); ++slot)
+    for (std::size_t c = 0; c < VplArrays::kComponents; ++c) {
+      const auto of = static_cast<VplArrays::Component>(c);
+      if (vpls.sample_of(of, slot % vpls.words())[slot / vpls.words()] != vpls.of(of)[slot]) return false;
+    }
+  return true;
 }
 
 bool same_bits(const glm::vec3& a, const glm::vec3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
@@ -104,7 +115,7 @@ TEST(RenderVpl, GathersWithCompensationConvergeToPathTracedIrradianceAndClamping
       const glm::dvec3 E = mean_over(
           hits, [&](const Hit& hit, std::size_t) { return gather_vpls(tracer, hit, set.vpls(), clamp); });
       const glm::dvec3 rest = mean_over(hits, [&](const Hit& hit, std::size_t i) {
-        return compensate(tracer, hit, set.vpls(), clamp, 4, hash_keys(seed, i)).E;
+        return compensate(tracer, hit, set.vpls(), clamp, 6, hash_keys(seed, i)).E;  // a group and a half
       });
       const glm::dvec3 path = mean_over(hits, [&](const Hit& hit, std::size_t i) {
         Pcg32 random(hash_keys(seed, i, 77));
@@ -184,11 +195,7 @@ TEST(RenderVpl, ASampleIsOneSlotInSoManyAndTheyAreAllTheSlots) {
                     glm::vec3(1.0f + static_cast<float>(slot))});
   vpls.grow(vpls.slots() + 1);
   ASSERT_EQ(vpls.words(), 5u);
-  for (std::size_t slot = 0; slot < vpls.slots(); ++slot)
-    for (std::size_t c = 0; c < VplArrays::kComponents; ++c) {
-      const auto component = static_cast<VplArrays::Component>(c);
-      EXPECT_EQ(vpls.sample_of(component, slot % 5)[slot / 5], vpls.of(component)[slot]);
-    }
+  EXPECT_TRUE(samples_agree(vpls));
   EXPECT_EQ(vpls[199].p.x, 199.0f);
 }
 
@@ -280,6 +287,7 @@ TEST(RenderVpl, AfterMotionTheSetIsThatOfAFreshStartAndReportsExactlyTheSlotsTha
       moved += bit(change.moved);
     }
     ASSERT_EQ(set.paths(), paths);
+    EXPECT_TRUE(samples_agree(set.vpls()));
     if (frame == 0.0f) {
       EXPECT_EQ(by_path(set), start) << "back at the start";
     }
@@ -361,8 +369,9 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
     x.p += 0.2f * x.ng;  // off the surface, where no VPL is near
     trace_visibility(tracer, x, vpls, bits);
     IrradianceGradients g;
-    const float E = irradiance_from(bits, x, vpls, kNoClamp, g).y;
-    ASSERT_EQ(E, irradiance_from(bits, x, vpls, kNoClamp).y);
+    const Irradiance whole = irradiance_from(bits, x, vpls, kNoClamp, g);
+    ASSERT_TRUE(same_bits(whole, irradiance_from(bits, x, vpls, kNoClamp)));
+    const float E = whole.y;
     const auto slope = [&](auto&& change, float h) {
       Hit more = x, less = x;
       change(more, h);
@@ -381,6 +390,22 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
     ++compared;
   }
   EXPECT_GE(compared, 30);
+}
+
+TEST(RenderVpl, TheRaysThatMetSomethingAreAllThatCompensationNeeds) {
+  const RayTracer& rays = cornell_box_rays();
+  const VplSet set = traced_set(rays, 300, 5);
+  const float clamp = vpl_clamp(rays.scene().bounds);
+  Tracer tracer(rays);
+  int some = 0;
+  for (const Hit& hit : reflecting_hits(rays, 16)) {
+    const Compensation all = compensate(tracer, hit, set.vpls(), clamp, 30, 9);
+    const Compensation again = compensate(tracer, hit, set.vpls(), clamp, 30, 9, Packing::exact, all.met);
+    EXPECT_EQ(again.met, all.met);
+    EXPECT_TRUE(same_bits(again.E, all.E));
+    some += all.met != 0 && std::popcount(all.met) < 30 ? 1 : 0;
+  }
+  EXPECT_GT(some, 20);
 }
 
 TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {

@@ -395,8 +395,8 @@ class Packed {
     return std::max(std::min(reach.level(), cells_.grid_level()), reach.level() - kGuestLevels);
   }
 
-  /// Reserves a copy in every cell that the record is to be in; false if a pool is used up. `level`: from which on cells
-  /// may take it.
+  /// Reserves a copy in every cell that the record is to be in; false if a pool is used up. `level`: from which on
+  /// cells may take it.
   template <class Counters>
   bool reserve(Insertion& insertion, int level, Counters& counters) noexcept {
     const PackedReach& reach = insertion.reach;

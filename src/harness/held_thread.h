@@ -1,10 +1,10 @@
 // Stops a thread in the middle of what it does, for a set time: a preemption on purpose.
 //
 // The thread marks where it is (in an operation or between two); another one has it interrupted at a moment of its own
-// choosing, and the handler, which runs wherever the thread was interrupted, holds it there if that was in an operation.
-// A timer on the thread's own processor time interrupts it, so that this happens as the scheduler does it, at a tick and
-// while it runs. A signal that is sent reaches a thread most easily in a system call, which is where it waits for a lock
-// and seldom where it has one; it is sent only where the system has no such timers.
+// choosing, and the handler, which runs wherever the thread was interrupted, holds it there if that was in an
+// operation. A timer on the thread's own processor time interrupts it, so that this happens as the scheduler does it,
+// at a tick and while it runs. A signal that is sent reaches a thread most easily in a system call, which is where it
+// waits for a lock and seldom where it has one; it is sent only where the system has no such timers.
 //
 // The hold is timed by poll on a pipe, and ends early when the pipe is written to. Everything the handler calls is
 // async-signal-safe: poll, clock_gettime, sem_post and lock-free atomics.
@@ -50,8 +50,8 @@ class HeldThread {
   bool await_attached();
   /// Waits for `pause`. False if the region is over by then.
   bool pause(std::chrono::nanoseconds pause) { return !over_.try_acquire_for(pause); }
-  /// Interrupts the thread when it runs next; returns when it has answered, which is after the hold. True if it was held,
-  /// false if it was between operations or the region was over first.
+  /// Interrupts the thread when it runs next; returns when it has answered, which is after the hold. True if it was
+  /// held, false if it was between operations or the region was over first.
   bool hold();
 
   unsigned holds() const noexcept { return holds_; }

@@ -9,10 +9,11 @@
 //
 // How exact. A stamp is off by tens of nanoseconds (ticks.h). The processor clock costs a system call, 0.3 to 1.3
 // microseconds, so it is read only after stretches of kLong and more: time off the processor is exact in sum, and a
-// stretch shorter than kLong is taken to have run through, its loss falling to the next long one. That a hypervisor took
-// the processor away shows only where the system accounts for stolen time. Waiting on a processor is spinning; off it, a
-// thread that wants a lock is asleep in the lock's queue or was preempted, which the processor clock cannot tell apart.
-// Stamping every operation slows it down by two stamps: some 40 to 60 ns, most of it between operations (`other`).
+// stretch shorter than kLong is taken to have run through, its loss falling to the next long one. That a hypervisor
+// took the processor away shows only where the system accounts for stolen time. Waiting on a processor is spinning; off
+// it, a thread that wants a lock is asleep in the lock's queue or was preempted, which the processor clock cannot tell
+// apart. Stamping every operation slows it down by two stamps: some 40 to 60 ns, most of it between operations
+// (`other`).
 //
 // Costs without: none on the path of an operation; a trial that is not asked for this stamps what it samples for
 // latency, as ever.

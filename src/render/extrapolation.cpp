@@ -17,7 +17,8 @@ constexpr float kMostTurn = 2.0f;  // as of light from one direction 63 degrees 
 constexpr float kMostReach = 0.2f;    // of the diagonal
 constexpr float kMostStretch = 2.0f;  // of an ellipse
 
-// How far a record is valid along an eigenvector, as a share of a D: scale (E / (|lambda| D^2))^power, at least `least`.
+// How far a record is valid along an eigenvector, as a share of a D: scale (E / (|lambda| D^2))^power, at least
+// `least`.
 struct ReachRule {
   float scale, power, least;
 };

@@ -26,9 +26,9 @@
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
 // most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
 // with occlusion at most 2 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
-// normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's surface,
-// as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of the
-// normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
+// normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's
+// surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
+// the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
 #pragma once
 
 #include <algorithm>
@@ -95,8 +95,8 @@ constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Inter
 /// such gradients, and the least radius would let them show.
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
 
-/// By how much the accuracy with which a cache is asked is coarser than a: so that a new record finds its neighbours, or
-/// that normals may turn farther than a alone allows.
+/// By how much the accuracy with which a cache is asked is coarser than a: so that a new record finds its neighbours,
+/// or that normals may turn farther than a alone allows.
 constexpr float search_reach(Interpolation level) noexcept {
   return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f : 1.0f;
 }

@@ -2,8 +2,8 @@
 // gathered from virtual point lights, the same for all pixels.
 //
 // VPLs are traced anew in every frame. Each visible hit has the clamped sum over all VPLs and, unless switched off, the
-// compensation of what the clamp takes. Random numbers of the compensation depend on seed, frame, sample, pixel and
-// layer alone, and the sum has none. What light sends to a hit straight from a mirror or through glass is missing.
+// compensation of what the clamp takes. Random numbers of the compensation depend on the seed alone
+// (VplShading), and the sum has none. What light sends to a hit straight from a mirror or through glass is missing.
 //
 // Cost: a shadow ray per hit and VPL above both horizons, and some kPixelCompensation short rays per hit.
 #pragma once

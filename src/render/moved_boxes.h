@@ -3,7 +3,7 @@
 //
 // Conservative: a segment that Embree could find the mesh on is always told, whatever the rounding. Boxes are tested in
 // the mesh's own space, where they fit best, by separating axes, without a division: about 30 operations, many
-// segments at once where their ends lie side by side.
+// segments at once where their ends lie side by side, and none for 64 of them that pass a box by together.
 #pragma once
 
 #include <cstdint>

@@ -2,9 +2,10 @@
 //
 // Temporal caching keeps what still shapes answered to shadow rays and traces a part of them anew, in other packets; it
 // promises the very bits of a fresh start. Embree's packets do not keep that promise: where a ray touches a triangle
-// within rounding, packets cull other boxes than single rays do, and others again in other company. Measured with Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of
-// rays in the plane of a face otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any
-// packet through instances 3 % of rays in the plane of a face; of 3 10^6 rays between random surface points none.
+// within rounding, packets cull other boxes than single rays do, and others again in other company. Measured with
+// Embree 3.13, robust scenes: full packets of 16 through triangles alone answered 1 % of rays in the plane of a face
+// otherwise than rtcOccluded1, full packets of 8 a few of 10^7 that brush vertices, any packet through instances 3 % of
+// rays in the plane of a face; of 3 10^6 rays between random surface points none.
 //
 // Two things make an answer exact, a function of the ray and of what it meets alone:
 // - Instances are resolved here, for both kinds of packing: a ray is asked of all that stands still, then of each

@@ -26,8 +26,8 @@
 //
 // Records that no pixel uses any more cost as much as others: when the number of records has grown by kGrowth (or
 // kLeastGrowth) since this was last done, after kSweepUpdates updates, or when there is no room for a new one, the
-// queries of one frame tell which records they use, and the others are dropped as the next frame begins. So their number
-// stays near the number in use, for ever; between such frames queries tell nothing and nothing is paid for.
+// queries of one frame tell which records they use, and the others are dropped as the next frame begins. So their
+// number stays near the number in use, for ever; between such frames queries tell nothing and nothing is paid for.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is.
@@ -63,8 +63,8 @@ class MovingShadows {
   MovingShadows& operator=(MovingShadows&&) = default;
 
   /// Of the VPLs that nothing hides from a point that stands still, `open`, those that nothing that moves hides either:
-  /// `open` itself or what `seen` became. `suspects` and `seen` are scratch. A function of these arguments and the frame
-  /// alone, whatever the frames before.
+  /// `open` itself or what `seen` became. `suspects` and `seen` are scratch. A function of these arguments and the
+  /// frame alone, whatever the frames before.
   std::span<const std::uint64_t> unhidden(Tracer& tracer, const Hit& point, const VplArrays& vpls,
                                           std::span<const std::uint64_t> open,
                                           std::vector<std::uint64_t>& suspects,

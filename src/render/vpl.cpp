@@ -69,7 +69,7 @@ std::uint64_t place_key(const Vpl& vpl, const Bounds& box) noexcept {
   std::uint64_t key = 2 * static_cast<std::uint64_t>(axis) + (vpl.n[axis] > 0.0f ? 1 : 0);
   glm::uvec3 cell(0);
   if (edge > 0.0f) {
-    const glm::vec3 in_box = glm::clamp((vpl.p - box.lower) / edge, 0.0f, 1.0f - 0x1p-24f);
+    const glm::vec3 in_box = glm::clamp((1.0f / edge) * (vpl.p - box.lower), 0.0f, 1.0f - 0x1p-24f);
     cell = glm::uvec3(in_box * static_cast<float>(1 << kBits));
   }
   for (int bit = kBits - 1; bit >= 0; --bit)

@@ -11,9 +11,9 @@
 // surface come from a randomly shifted Halton sequence over the paths, the rest from the path's own stream.
 //
 // VPLs live in *slots*, numbered from 0; sums over VPLs run in the order of the slots. A path keeps its slots when it
-// is traced anew; a free slot has no flux and no normal, so that it lights nothing. A new set's slots are ordered by where
-// VPLs lie and face, so that those of a word are a region of their own: often all of it lies below a horizon, out of
-// sight or past what moved, and rays to it run side by side.
+// is traced anew; a free slot has no flux and no normal, so that it lights nothing. Where a set had no VPLs, its first
+// are ordered by where they lie and face, so that those of a word are a region of their own: often all of it lies below
+// a horizon, out of sight or past what moved, and rays to it run side by side.
 //
 // Costs: 72 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
 // serial loop in the order of the paths, so that nothing depends on the threads.
@@ -61,8 +61,8 @@ class VplArrays {
   /// Values of all slots; valid until grow.
   const float* of(Component c) const noexcept { return values_.data() + c * slots_; }
 
-  /// Values of one slot in words(): `word`, word + words(), word + 2 words() and so on, which are a sample of all; valid
-  /// until grow.
+  /// Values of one slot in words(): `word`, word + words(), word + 2 words() and so on, which are a sample of all;
+  /// valid until grow.
   const float* sample_of(Component c, std::size_t word) const noexcept {
     return samples_.data() + c * slots_ + word * kWord;
   }

@@ -151,8 +151,8 @@ std::uint32_t reverse_bits(std::uint32_t x) noexcept {
   return __builtin_bswap32(x);
 }
 
-// Of every VPL of a word, whether seen or not: 1 / |d|^4, and G. Found once for sums and slopes, by one function, so that
-// all sums of the same bits are the same.
+// Of every VPL of a word, whether seen or not: 1 / |d|^4, and G. Found once for sums and slopes, by one function, so
+// that all sums of the same bits are the same.
 struct WordOfG {
   alignas(64) float inverse[kWord], G[kWord];
 
@@ -329,15 +329,18 @@ Irradiance sample_lamps(Tracer& tracer, const Hit& at, float q, float reach, Pcg
         propose_light(tracer.shared(), at, q, random, proposals[k], reach) ? sum_of(proposals[k].E) : 0.0f;
     total += sends[k];
   }
-  float target = random.uniform() * total;
+  const float u = random.uniform();
+  if (!(total > 0.0f && total < kMaxIrradiance))
+    return glm::vec3(0.0f);  // or beyond what a float can be summed to
+  float target = u * total;
   const std::size_t k = pick(sends, target);
-  if (!(sends[k] > 0.0f && total < kMaxIrradiance) || tracer.occluded(proposals[k].shadow))
-    return glm::vec3(0.0f);
+  if (!(sends[k] > 0.0f) || tracer.occluded(proposals[k].shadow)) return glm::vec3(0.0f);
   return total / kProposals * (proposals[k].E / sends[k]);
 }
 
-// Irradiance from all VPLs, clamped, by one of a sample that is drawn at random: drawn by what it would send if nothing
-// lay between. Asking four makes the noise of compensation some 5 % less and its rays almost twice as many.
+// Irradiance from all VPLs, clamped, by one of them: a sample of the slots is drawn at random, and of it one VPL, by
+// what it would send if nothing lay between. When samples were neighbouring slots, asking four made the noise of
+// compensation some 5 % less and its rays almost twice as many.
 Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, float clamp,
                        Pcg32& random) noexcept {
   const auto words = static_cast<float>(vpls.words());

@@ -41,8 +41,8 @@ float vpl_clamp(const Bounds& bounds) noexcept;
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls, std::span<std::uint64_t> bits,
                       Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
-/// The same for the slots in `which` alone; other bits stay as they are. With fast packing the answers are a function of
-/// all that is asked together.
+/// The same for the slots in `which` alone; other bits stay as they are. With fast packing the answers are a function
+/// of all that is asked together.
 void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
                       Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
@@ -52,13 +52,13 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
                            float clamp) noexcept;
 
 /// The very same, and how it changes as the point moves in its tangent plane and as its normal turns, with each VPL
-/// seen or hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds counts
-/// as constant. Finite.
+/// seen or hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds
+/// counts as constant. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp, IrradianceGradients& gradients) noexcept;
 
-/// Irradiance from all VPLs: both of the above, word by word, and bit for bit the same. With fast packing 1.2 times as
-/// fast, and the same but where a shadow ray brushes an edge within rounding.
+/// Irradiance from all VPLs: trace_visibility and irradiance_from in one, word by word, and bit for bit the same. With
+/// fast packing faster (render/occluders.h), and the same but where a shadow ray brushes an edge within rounding.
 Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
                        Packing packing = Packing::exact) noexcept;
 

@@ -60,7 +60,7 @@ inline constexpr std::array kScenes{
                cornell_lamp},
     SceneEntry{"cornell_paint", "Cornell box with a wall that changes its paint", false, cornell_paint},
     SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false,
-               conference, 0.15f},
+               conference, 0.12f},
     SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false,
                sibenik},
     SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office,

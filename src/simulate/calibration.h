@@ -1,10 +1,10 @@
 // The calibration: what this machine's operations, locks and cache lines cost, measured once and kept in a file.
 //
-// Of the machine: a line's transfer between two cores (where it has two), sleeping, waking, spinning, starting a thread.
-// Of each cache and workload: queries and inserts by records that are there, on one core, their sum matched to a real
-// trial, and what they take by themselves, which is what they hold a lock for; what it takes to read a record that
-// another core has inserted, on two cores that take turns; and merging. Times are those of the thread's processor, or
-// leave out what is far longer than the median, so that other programs on the machine disturb little.
+// Of the machine: a line's transfer between two cores (where it has two), sleeping, waking, spinning, starting a
+// thread. Of each cache and workload: queries and inserts by records that are there, on one core, their sum matched to
+// a real trial, and what they take by themselves, which is what they hold a lock for; what it takes to read a record
+// that another core has inserted, on two cores that take turns; and merging. Times are those of the thread's processor,
+// or leave out what is far longer than the median, so that other programs on the machine disturb little.
 //
 // The file is JSON. One that is there is used as it is, whichever machine it is from, and gets costs that it lacks
 // added, if it is from this one. What a simulation is worth, the file knows as well: the outcome of a validation.

@@ -8,13 +8,14 @@
 // (local_write) are the cache's own business, since sessions are real.
 //
 // Exact: what is stored and seen, given the times; one virtual core leaves the records of one real thread, bit for bit.
-// Modelled: times. Locks as in locks.h, shared words as in machine.h; locks per node or region by the addresses that the
-// real operation locked; a merge that the cache does in parallel as if every core merged its own session's records.
+// Modelled: times. Locks as in locks.h, shared words as in machine.h; locks per node or region by the addresses that
+// the real operation locked; a merge that the cache does in parallel as if every core merged its own session's records.
 // Not modelled: threads beyond cores, caches and memory bandwidth that cores share, other programs, what the kernel
 // does now and then; compare-and-swaps that fail.
 //
-// Deterministic: equal inputs give equal outcomes, bit for bit, with one mathematical library. Costs: about a microsecond an
-// event beside the real operations; two events for an operation under a lock, one for others. One thread at a time.
+// Deterministic: equal inputs give equal outcomes, bit for bit, with one mathematical library. Costs: about a
+// microsecond an event beside the real operations; two events for an operation under a lock, one for others. One thread
+// at a time.
 #pragma once
 
 #include <cstdint>

@@ -2,8 +2,8 @@
 //
 // In rounds. Each takes, of every point, the costs as they are now (two trials on one thread, two threads that wait for
 // each other and that compute), a real trial, and a simulated one of the same operations at those costs. So what is
-// judged is the model: a machine that has become slower since its calibration, as virtual ones do from minute to minute,
-// is no error of it.
+// judged is the model: a machine that has become slower since its calibration, as virtual ones do from minute to
+// minute, is no error of it.
 #pragma once
 
 #include <functional>
@@ -46,8 +46,8 @@ struct ComparedPoint {
   double waiting_error() const;
 };
 
-/// 1, 2, 4, ... threads and one for each processing unit. Throws std::runtime_error with one line where there is but one
-/// unit: what one thread does is what the costs are from.
+/// 1, 2, 4, ... threads and one for each processing unit. Throws std::runtime_error with one line where there is but
+/// one unit: what one thread does is what the costs are from.
 std::vector<unsigned> validated_cores(const Topology& topology);
 
 /// Every point of the simulation in that many rounds and a first one that does not count; `tell` is told of each trial.

@@ -1,5 +1,5 @@
-// What becomes of the others when a thread is stopped in the middle of an operation: trials on a synthetic workload, with
-// one thread of the team held again and again at moments of nobody's choosing, and without.
+// What becomes of the others when a thread is stopped in the middle of an operation: trials on a synthetic workload,
+// with one thread of the team held again and again at moments of nobody's choosing, and without.
 //
 // Only the others' latencies count. Since a thread that waits does not ask, one long wait is one operation among many
 // thousands; `stalled_share` weighs it by its time: of the others' time, what went into operations that took more than

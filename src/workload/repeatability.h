@@ -60,7 +60,8 @@ class RepeatabilityStudy {
 
   static double reference_work(const RepeatabilityRequest& request);
 
-  /// Name in the results, "repeatability/SCENE/INTEGRATOR/CACHE/threads:N"; deterministic: ".../deterministic/CACHE...".
+  /// Name in the results, "repeatability/SCENE/INTEGRATOR/CACHE/threads:N"; deterministic:
+  /// ".../deterministic/CACHE...".
   std::string name_of(const RepeatabilityPoint& point) const;
 
   /// Measures a point. Pictures that it is compared with and that this study has not rendered, since an earlier process

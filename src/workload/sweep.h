@@ -74,8 +74,8 @@ class Sweep {
   /// Name of a point in the results: "sweep/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SweepPoint& point) const;
 
-  /// Runs one repetition of one point; its spans go to `timeline`, if there is one. Throws InvalidTrial with one line if
-  /// the trial was not valid.
+  /// Runs one repetition of one point; its spans go to `timeline`, if there is one. Throws InvalidTrial with one line
+  /// if the trial was not valid.
   Entry run(const SweepPoint& point, unsigned repetition, Timeline* timeline = nullptr);
 
  private:
