@@ -1,5 +1,27 @@
 #include "caches/packed_filter.h"
 
+#ifndef ICBENCH_LANE_ORDERS  // once, not for every kind of machine
+#define ICBENCH_LANE_ORDERS
+#include <array>
+#include <cstdint>
+
+namespace icbench {
+
+/// For each mask of eight lanes, which lanes are in it, from the lowest; then zeros.
+constexpr auto kOrders = [] {
+  std::array<std::array<std::uint8_t, 8>, 256> orders{};
+  for (unsigned mask = 0; mask < orders.size(); ++mask) {
+    unsigned n = 0;
+    for (std::uint8_t lane = 0; lane < 8; ++lane) {
+      if ((mask >> lane & 1u) != 0) orders[mask][n++] = lane;
+    }
+  }
+  return orders;
+}();
+
+}  // namespace icbench
+#endif
+
 // Below the compiler's own target too, so that tests reach every width that the machine has.
 #define HWY_COMPILE_ALL_ATTAINABLE
 #undef HWY_TARGET_INCLUDE
@@ -72,6 +94,26 @@ HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const LanePoint& at, Word lane
   return hn::Lt(distance2, hn::Mul(most, most));
 }
 
+#if HWY_TARGET == HWY_SCALAR || (HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3)
+constexpr bool kCompresses = true;
+#else
+constexpr bool kCompresses = false;
+#endif
+
+/// The lanes of `from` that are in `keep` first, in their order; anything behind them.
+HWY_INLINE Word compressed(Word from, hn::Mask<Words> keep) {
+  const Words words;
+  if constexpr (kCompresses) {
+    return hn::Compress(from, keep);
+  } else {
+    // Highway does it by a table as well, which GCC 12 copies to the stack every time.
+    std::uint8_t bits[8];
+    hn::StoreMaskBits(words, keep, bits);
+    const auto order = hn::LoadU(hn::Rebind<std::uint8_t, Words>(), kOrders[bits[0]].data());
+    return hn::TableLookupLanes(from, hn::IndicesFromVec(words, hn::PromoteTo(words, order)));
+  }
+}
+
 // Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
 std::uint32_t filter_lanes(float query_share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
   const Words words;
@@ -86,7 +128,7 @@ std::uint32_t filter_lanes(float query_share, const LaneStrip* strips, std::uint
       const Word lane = load(s->words + i, bits, mask);
       const Word index = load(s->words + s->stride + i, bits, mask);
       const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, *s->at, lane)));
-      hn::StoreU(hn::Compress(index, keep), words, out + kept);  // the whole vector
+      hn::StoreU(compressed(index, keep), words, out + kept);  // the whole vector
       kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
     }
   }
