@@ -204,6 +204,8 @@ class PackedCells {
 
   /// Takes and touches memory for about n inserts of one session.
   void prefault(Workspace& w, std::uint32_t n) noexcept {
+    grid_.populate(dense_entries());
+    bricks_.populate(sessions_ * n / 16);
     w.nodes_.prefault(nodes_, n / 16, kNodeBytes);
     w.cells_.prefault(cells_, n / 4, kCellBytes);
     w.more_.prefault(more_, n / 16, kMoreBytes);
