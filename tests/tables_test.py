@@ -349,6 +349,23 @@ class Interrupted(Case):
             self.assertEqual(json.dumps(self.numbers()), json.dumps(undisturbed))
             self.assertFalse(list(self.out.glob(f"**/*{jobs.kScratch}")))
 
+    def test_a_run_goes_on_from_chosen_numbers_of_vpls(self):
+        run = ("--scenes", "office", "--rounds", "1")
+        self.assertEqual(self.start(*run).returncode, 0)
+        in_one_go = self.numbers()
+        self.out = self.folder / "in two"
+        done = self.start(*run, "--choose-vpls")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertFalse(self.tables()["complete"])
+        vpls = in_one_go["scenes"]["office"]["vpls"]
+        self.assertEqual(self.tables()["scenes"]["office"]["vpls"], vpls)
+        self.assertIn(f"office: {vpls['chosen']:,} VPLs", done.stderr)
+        safe = self.finished()
+        self.assertEqual(self.start(*run, "--resume").returncode, 0)
+        self.assertTrue(self.tables()["complete"])
+        self.assertLess(safe.items(), self.finished().items())
+        self.assertEqual(json.dumps(self.numbers()), json.dumps(in_one_go))
+
     def test_killed_at_every_job_in_turn_and_while_a_job_is_made_final(self):
         chain = self.plan().choice()[:8]
 

@@ -105,9 +105,11 @@ class Run:
                 self._failed(scene, "first look", str(error))
                 continue
             is_animation = scene not in kStills
-            plans[scene] = self.planner.start(scene, is_animation)
-            progress.expect(scene,
-                            self.planner.finish(self.planner.start(scene, is_animation), middle).jobs())
+            plan = plans[scene] = self.planner.start(scene, is_animation)
+            progress.expect(
+                scene,
+                plan.choice() if self.settings.only_vpls else
+                self.planner.finish(self.planner.start(scene, is_animation), middle).jobs())
         return plans, progress
 
     def _failed(self, scene: str, what: str, why: str) -> None:
@@ -118,7 +120,10 @@ class Run:
         """All jobs of a scene. A job that fails stops only those that read its files."""
         self._run(plan.choice(), progress)
         chosen = choose_vpls(self.store, plan)
-        if chosen:
+        if chosen and self.settings.only_vpls:
+            progress.wipe()
+            say(f"{plan.scene}: {chosen[0]:,} VPLs{'' if chosen[1] else ', not levelled off below'}")
+        elif chosen:
             self.planner.finish(plan, chosen[0])
             progress.expect(plan.scene, plan.jobs())
             self._run(plan.jobs(), progress)
@@ -285,7 +290,7 @@ def work(settings: Settings) -> int:
         for plan in plans.values():
             run.run_scene(plan, progress)
         progress.wipe()
-        path = run.write(True)
+        path = run.write(not settings.only_vpls)
     finally:
         os.close(lock)
     for failure in run.failures:

@@ -64,6 +64,7 @@ class Settings:
     accuracy: float | None  # of the caches, in every table; none: each scene's own
     seed: int
     resume: bool
+    only_vpls: bool  # nothing but the choice of each scene's number of VPLs
     keep_png: bool
     icbench: Path
 
@@ -136,6 +137,8 @@ def parse(arguments: list[str]) -> Settings:
     parser = _Parser(prog="bench/tables", add_help=False, allow_abbrev=False)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--choose-vpls", action="store_true")
+    parser.add_argument("--reference-spp")
     parser.add_argument("--out", default=str(root / "results" / "tables"))
     parser.add_argument("--references")
     parser.add_argument("--scenes", default="")
@@ -157,6 +160,8 @@ def parse(arguments: list[str]) -> Settings:
         changes["frames"] = _whole("--frames", given.frames, 2, 100000)
     if given.rounds is not None:
         changes["rounds"] = _whole("--rounds", given.rounds, 1, 1000)
+    if given.reference_spp is not None:
+        changes["reference_spp"] = _whole("--reference-spp", given.reference_spp, 2, 10**6)
     scale = Scale(**{**kScales[mode].__dict__, **changes})
     few = {name: min(getattr(scale, name), scale.frames) for name in ("converged_frames", "mechanism_frames")}
     scale = Scale(**{**scale.__dict__, **few})
@@ -169,7 +174,8 @@ def parse(arguments: list[str]) -> Settings:
     return Settings(mode, scale, out, references,
                     tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
                     _accuracy(given.accuracy) if given.accuracy else None,
-                    _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
+                    _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.choose_vpls,
+                    given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
 
 
 def main() -> int:

@@ -233,7 +233,7 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
     return {
         "title": _title(plan.scene), "description": description,
         "kind": "animation" if plan.is_animation else "still", "vpls": {
-            "chosen": plan.vpls or None, "levelled_off": bool(chosen and chosen[1]),
+            "chosen": chosen[0] if chosen else None, "levelled_off": bool(chosen and chosen[1]),
             "curve": vpl_curve(store, plan)
         }, "accuracy": plan.accuracy, "reference": {
             "spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),

@@ -13,6 +13,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/random.h"
@@ -140,12 +141,22 @@ void for_each_visible(const Tile& tile, const PrimaryHits& primary, F&& f) {
       tile, primary, [](const Tile& t, int width, auto&& g) { for_each_pixel(t, width, g); }, f);
 }
 
-/// From coarse to fine, as for_each_pixel_coarse_to_fine.
+/// From coarse to fine, as for_each_pixel_coarse_to_fine. Neighbours in this order are far apart in memory, so each main
+/// hit is asked for while the one before is at work.
 template <class F>
 void for_each_visible_coarse_to_fine(const Tile& tile, const PrimaryHits& primary, F&& f) {
-  for_each_visible(
-      tile, primary, [](const Tile& t, int width, auto&& g) { for_each_pixel_coarse_to_fine(t, width, g); },
-      f);
+  const auto one_behind = [&](const Tile& t, int width, auto&& g) {
+    std::optional<std::uint32_t> before;
+    for_each_pixel_coarse_to_fine(t, width, [&](std::uint32_t pixel) {
+      const auto* hit = reinterpret_cast<const std::byte*>(&primary.hits[pixel]);
+      __builtin_prefetch(hit);
+      __builtin_prefetch(hit + sizeof(Hit) - 1);
+      if (before) g(*before);
+      before = pixel;
+    });
+    if (before) g(*before);
+  };
+  for_each_visible(tile, primary, one_behind, f);
 }
 
 /// Whether a hit reflects light diffusely, so that irradiance matters there.
