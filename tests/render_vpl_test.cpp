@@ -47,14 +47,18 @@ bool same_bits(const VplArrays& a, const VplArrays& b) {
                                                VplArrays::kComponents * a.slots() * sizeof(float)) == 0;
 }
 
-// Whether samples hold what slots do.
-bool samples_agree(const VplArrays& vpls) {
-  for (std::size_t slot = 0; slot < vpls.slots(); ++slot)
-    for (std::size_t c = 0; c < VplArrays::kComponents; ++c) {
-      const auto of = static_cast<VplArrays::Component>(c);
-      if (vpls.sample_of(of, slot % vpls.words())[slot / vpls.words()] != vpls.of(of)[slot]) return false;
-    }
-  return true;
+bool same_samples(const VplArrays& a, const VplArrays& b) {
+  return a.samples() == b.samples() &&
+         std::memcmp(a.sample_of(VplArrays::kPx, 0), b.sample_of(VplArrays::kPx, 0),
+                     a.samples() * VplArrays::kComponents * VplArrays::kWord * sizeof(float)) == 0;
+}
+
+// The VPL at a place of a sample.
+Vpl sampled(const VplArrays& vpls, std::size_t sample, std::size_t i) {
+  const auto get = [&](VplArrays::Component c) { return vpls.sample_of(c, sample)[i]; };
+  return {{get(VplArrays::kPx), get(VplArrays::kPy), get(VplArrays::kPz)},
+          {get(VplArrays::kNx), get(VplArrays::kNy), get(VplArrays::kNz)},
+          {get(VplArrays::kRed), get(VplArrays::kGreen), get(VplArrays::kBlue)}};
 }
 
 bool same_bits(const glm::vec3& a, const glm::vec3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
@@ -187,16 +191,37 @@ TEST(RenderVpl, ANewSetsNeighboursFaceAlikeAndLieClose) {
   EXPECT_LT(beside, 0.25 * anywhere);
 }
 
-TEST(RenderVpl, ASampleIsOneSlotInSoManyAndTheyAreAllTheSlots) {
+TEST(RenderVpl, SamplesAreTheVplsInTheOrderOfThePathsAndNothingAfterThem) {
+  const VplSet set = traced_set(cornell_box_rays(), 200, 4);
+  const VplArrays& vpls = set.vpls();
+  std::size_t n = 0;
+  for (std::uint32_t path = 0; path < set.paths(); ++path)
+    for (const std::uint32_t slot : set.slots(path)) {
+      if (slot == kNoSlot) continue;
+      ASSERT_LT(n, vpls.samples() * VplArrays::kWord);
+      EXPECT_EQ(sampled(vpls, n / VplArrays::kWord, n % VplArrays::kWord), vpls[slot]);
+      ++n;
+    }
+  ASSERT_EQ(n, set.count());
+  ASSERT_EQ(vpls.samples(), (n + VplArrays::kWord - 1) / VplArrays::kWord);
+  for (; n < vpls.samples() * VplArrays::kWord; ++n)
+    EXPECT_EQ(sampled(vpls, n / VplArrays::kWord, n % VplArrays::kWord), Vpl{});
+}
+
+TEST(RenderVpl, GrowingKeepsSlotsAndSamples) {
   VplArrays vpls(200);
   for (std::size_t slot = 0; slot < 200; ++slot)
     vpls.set(slot, {glm::vec3(static_cast<float>(slot)),
                     {0.0f, 1.0f, 0.0f},
                     glm::vec3(1.0f + static_cast<float>(slot))});
+  const std::uint32_t some[] = {199, 7};
+  vpls.arrange_samples(some);
   vpls.grow(vpls.slots() + 1);
   ASSERT_EQ(vpls.words(), 5u);
-  EXPECT_TRUE(samples_agree(vpls));
   EXPECT_EQ(vpls[199].p.x, 199.0f);
+  ASSERT_EQ(vpls.samples(), 1u);
+  EXPECT_EQ(sampled(vpls, 0, 0), vpls[199]);
+  EXPECT_EQ(sampled(vpls, 0, 1), vpls[7]);
 }
 
 TEST(RenderVpl, PathsFollowMirrorsWithoutLeavingAVplThere) {
@@ -287,7 +312,16 @@ TEST(RenderVpl, AfterMotionTheSetIsThatOfAFreshStartAndReportsExactlyTheSlotsTha
       moved += bit(change.moved);
     }
     ASSERT_EQ(set.paths(), paths);
-    EXPECT_TRUE(samples_agree(set.vpls()));
+    // Slots tell what went before; samples, and what is estimated from them, do not.
+    RayTracer others(room());
+    VplSet fresh(others, {400, 5});
+    others.go_to(frame);
+    Tracer other(others);
+    trace_all(fresh, other);
+    ASSERT_TRUE(same_samples(set.vpls(), fresh.vpls()));
+    for (const Hit& hit : reflecting_hits(rays, 4))
+      ASSERT_TRUE(same_bits(compensate(tracer, hit, set.vpls(), 4.0f, 32, 1).E,
+                            compensate(other, hit, fresh.vpls(), 4.0f, 32, 1).E));
     if (frame == 0.0f) {
       EXPECT_EQ(by_path(set), start) << "back at the start";
     }

@@ -28,10 +28,10 @@ struct Animation {
 };
 
 inline constexpr std::array kAnimations{
-    Animation{{"cornell_box", 8192}, 25.0, 3.0}, Animation{{"wobble", 1024}, 12.33, 3.0},
-    Animation{{"desk", 8192}, 25.0, 3.0},        Animation{{"bunnies_1", 1024}, 18.67, 4.0},
-    Animation{{"bunnies_2", 8192}, 13.75, 3.25}, Animation{{"bunnies_4", 1024}, 11.0, 2.6},
-    Animation{{"bunnies_9", 8192}, 6.33, 1.33},  Animation{{"conference", 1024}, 25.0, 3.4},
+    Animation{{"cornell_box", 8192}, 25.0, 3.0}, Animation{{"wobble", 8192}, 12.33, 3.0},
+    Animation{{"desk", 8192}, 25.0, 3.0},        Animation{{"bunnies_1", 8192}, 18.67, 4.0},
+    Animation{{"bunnies_2", 8192}, 13.75, 3.25}, Animation{{"bunnies_4", 8192}, 11.0, 2.6},
+    Animation{{"bunnies_9", 8192}, 6.33, 1.33},  Animation{{"conference", 8192}, 25.0, 3.4},
     Animation{{"sibenik", 8192}, 25.0, 8.4},
 };
 

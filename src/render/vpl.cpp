@@ -133,7 +133,7 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
 }  // namespace
 
 VplArrays::VplArrays(std::size_t slots)
-    : slots_((slots + kWord - 1) / kWord * kWord), values_(kComponents * slots_), samples_(values_) {}
+    : slots_((slots + kWord - 1) / kWord * kWord), values_(kComponents * slots_) {}
 
 Vpl VplArrays::operator[](std::size_t slot) const noexcept {
   const auto get = [&](Component c) { return of(c)[slot]; };
@@ -144,15 +144,21 @@ Vpl VplArrays::operator[](std::size_t slot) const noexcept {
 void VplArrays::set(std::size_t slot, const Vpl& vpl) noexcept {
   const float values[kComponents] = {vpl.p.x, vpl.p.y,    vpl.p.z,    vpl.n.x,   vpl.n.y,
                                      vpl.n.z, vpl.flux.x, vpl.flux.y, vpl.flux.z};
-  const std::size_t sampled = slot % words() * kWord + slot / words();
-  for (std::size_t c = 0; c < kComponents; ++c)
-    values_[c * slots_ + slot] = samples_[c * slots_ + sampled] = values[c];
+  for (std::size_t c = 0; c < kComponents; ++c) values_[c * slots_ + slot] = values[c];
 }
 
 void VplArrays::grow(std::size_t slots) {
   VplArrays larger(slots);
   for (std::size_t slot = 0; slot < slots_; ++slot) larger.set(slot, (*this)[slot]);
+  larger.samples_ = std::move(samples_);
   *this = std::move(larger);
+}
+
+void VplArrays::arrange_samples(std::span<const std::uint32_t> slots) {
+  samples_.assign((slots.size() + kWord - 1) / kWord * kComponents * kWord, 0.0f);
+  for (std::size_t i = 0; i < slots.size(); ++i)
+    for (std::size_t c = 0; c < kComponents; ++c)
+      samples_[(i / kWord * kComponents + c) * kWord + i % kWord] = values_[c * slots_ + slots[i]];
 }
 
 bool VplChange::any() const noexcept {
@@ -179,9 +185,10 @@ VplSet::VplSet(const RayTracer& rays, const VplParams& params) : rays_(&rays), s
 }
 
 std::size_t VplSet::bytes() const noexcept {
-  return 2 * VplArrays::kComponents * vpls_.slots() * sizeof(float) + used_.capacity() * sizeof(used_[0]) +
-         ranges_.capacity() * sizeof(ranges_[0]) + vertices_.capacity() * sizeof(vertices_[0]) +
-         vertex_slots_.capacity() * sizeof(vertex_slots_[0]);
+  const std::size_t sampled = vpls_.samples() * VplArrays::kWord;
+  return VplArrays::kComponents * (vpls_.slots() + sampled) * sizeof(float) +
+         used_.capacity() * sizeof(used_[0]) + ranges_.capacity() * sizeof(ranges_[0]) +
+         vertices_.capacity() * sizeof(vertices_[0]) + vertex_slots_.capacity() * sizeof(vertex_slots_[0]);
 }
 
 std::uint32_t VplSet::take_slot() {
@@ -229,6 +236,15 @@ void VplSet::sort_slots() {
   for (std::uint32_t& slot : vertex_slots_)
     if (slot != kNoSlot) slot = now[slot];
   first_free_word_ = order.size() / VplArrays::kWord;
+}
+
+void VplSet::arrange_samples() {
+  std::vector<std::uint32_t> order;
+  order.reserve(count_);
+  for (std::uint32_t path = 0; path < paths(); ++path)
+    std::ranges::copy_if(slots(path), std::back_inserter(order),
+                         [](std::uint32_t slot) { return slot != kNoSlot; });
+  vpls_.arrange_samples(order);
 }
 
 void VplSet::make_room(std::uint32_t path, std::size_t count) {
@@ -303,6 +319,7 @@ VplChange VplUpdate::commit() {
   });
   if (set.unused_vertices_ > set.vertices_.size() / 2) set.compact();
   if (is_new) set.sort_slots();
+  set.arrange_samples();
 
   VplChange change;
   change.grew = set.vpls_.slots() > before.slots();

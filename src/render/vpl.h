@@ -15,6 +15,9 @@
 // are ordered by where they lie and face, so that those of a word are a region of their own: often all of it lies below
 // a horizon, out of sight or past what moved, and rays to it run side by side.
 //
+// *Samples* of 64 VPLs, from which compensation draws, follow the order of the paths instead: a run of a Halton sequence
+// stands for all of it, and samples are the same whatever frames went before, wherever their VPLs have their slots.
+//
 // Costs: 72 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
 // serial loop in the order of the paths, so that nothing depends on the threads.
 #pragma once
@@ -61,16 +64,19 @@ class VplArrays {
   /// Values of all slots; valid until grow.
   const float* of(Component c) const noexcept { return values_.data() + c * slots_; }
 
-  /// Values of one slot in words(): `word`, word + words(), word + 2 words() and so on, which are a sample of all;
-  /// valid until grow.
-  const float* sample_of(Component c, std::size_t word) const noexcept {
-    return samples_.data() + c * slots_ + word * kWord;
+  /// Copies the VPLs of these slots, in this order, into samples of kWord each; what the last has too few sends nothing.
+  /// Samples stay what they are until this is called again.
+  void arrange_samples(std::span<const std::uint32_t> slots);
+  std::size_t samples() const noexcept { return samples_.size() / (kComponents * kWord); }
+  /// Values of the kWord VPLs of a sample; valid until arrange_samples.
+  const float* sample_of(Component c, std::size_t sample) const noexcept {
+    return samples_.data() + (sample * kComponents + c) * kWord;
   }
 
  private:
   std::size_t slots_ = 0;
-  std::vector<float> values_,
-      samples_;  // the same, by component, then by slot, or by sample and then by slot
+  std::vector<float> values_;   // by component, then by slot
+  std::vector<float> samples_;  // by sample, then by component
 };
 
 struct VplParams {
@@ -133,6 +139,7 @@ class VplSet {
 
   std::uint32_t take_slot();  // the lowest free one
   void sort_slots();          // by place; they are the lowest after that
+  void arrange_samples();     // of all VPLs, in the order of the paths
   void free_slot(std::uint32_t slot) noexcept;
   void make_room(std::uint32_t path, std::size_t count);  // for so many vertices, of undefined value
   void compact();
