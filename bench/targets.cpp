@@ -113,7 +113,12 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
     const std::size_t end = std::min(list.find(',', begin), list.size());
     const std::string_view name = std::string_view(list).substr(begin, end - begin);
     const auto at = std::find_if(all.begin(), all.end(), [&](const Row& row) { return row.name == name; });
-    if (at == all.end()) throw std::runtime_error(unknown_name("row", name, known));
+    if (at == all.end()) {  // there are too many to name them all in a line
+      const std::string_view guess = nearest(name, known);
+      throw std::runtime_error(fmt::format("unknown row '{}'; {}--list names all {}", name,
+                                           guess.empty() ? "" : fmt::format("did you mean '{}'? ", guess),
+                                           all.size()));
+    }
     out.push_back(&*at);
     begin = end + 1;
   }

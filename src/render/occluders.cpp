@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstring>
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
+#include <utility>
 
 namespace icbench {
 namespace {
@@ -82,6 +84,38 @@ std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& c
   return bits;
 }
 
+// Bits of the rays whose segment has an end outside a box and, between its ends, passes the middle of a sphere by less
+// than its radius. Of the others some may do so too, by no more than rounding.
+std::uint64_t through(const Fan& fan, const glm::vec3& from, std::span<const Sphere> spheres,
+                      const glm::vec3& centre, const glm::vec3& half) noexcept {
+  alignas(64) float d2[kFan + kPacket];
+  alignas(64) std::uint32_t meets[kFan + kPacket] = {}, leaves[kFan + kPacket];
+  const std::uint32_t rays = fan.padded();
+  const glm::vec3 start = glm::abs(from - centre);
+  const std::uint32_t starts_outside = (start.x > half.x) | (start.y > half.y) | (start.z > half.z);
+  for (std::uint32_t i = 0; i < rays; ++i) {
+    d2[i] = fan.x[i] * fan.x[i] + fan.y[i] * fan.y[i] + fan.z[i] * fan.z[i];
+    const glm::vec3 end = from - centre + glm::vec3(fan.x[i], fan.y[i], fan.z[i]);
+    leaves[i] = starts_outside |
+                static_cast<std::uint32_t>((std::fabs(end.x) > half.x) | (std::fabs(end.y) > half.y) |
+                                           (std::fabs(end.z) > half.z));
+  }
+  for (const Sphere& sphere : spheres) {
+    const glm::vec3 c = sphere.centre - from;
+    const float r2 = sphere.radius * sphere.radius;
+    for (std::uint32_t i = 0; i < rays; ++i) {
+      const float along = c.x * fan.x[i] + c.y * fan.y[i] + c.z * fan.z[i];
+      const float x = c.y * fan.z[i] - c.z * fan.y[i], y = c.z * fan.x[i] - c.x * fan.z[i],
+                  z = c.x * fan.y[i] - c.y * fan.x[i];
+      meets[i] |=
+          static_cast<std::uint32_t>((along > 0.0f) & (along < d2[i]) & (x * x + y * y + z * z < r2 * d2[i]));
+    }
+  }
+  std::uint64_t bits = 0;
+  for (std::uint32_t i = 0; i < fan.count; ++i) bits |= std::uint64_t{meets[i] & leaves[i]} << fan.bit[i];
+  return bits;
+}
+
 std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::uint32_t lanes) noexcept {
   embree::Query query;
   RTCRay8 packet;
@@ -114,7 +148,7 @@ std::uint64_t trace(RTCScene scene, const glm::vec3& from, const Fan& fan, std::
 
 }  // namespace
 
-void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
+void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad, std::span<const Sphere> inside) {
   Part part{.scene = scene, .everywhere = false, .posed = at.pose != Pose{}};
   part.to_object = glm::mat3(glm::inverse(glm::dmat3(at.pose.linear)));
   part.shift = at.pose.shift;
@@ -123,7 +157,10 @@ void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad) {
   // A step of `pad` in the world is this long in the shape's own space, at most.
   const glm::vec3 step = pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
   part.half = 0.5f * (at.box.upper - at.box.lower) + own_padding(at.box) + step;
-  parts_.push_back(part);
+  const float shrink = own_padding(at.box) + glm::length(step);
+  for (const Sphere& sphere : inside)
+    if (sphere.radius > shrink) part.inside.push_back({sphere.centre, sphere.radius - shrink});
+  parts_.push_back(std::move(part));
 }
 
 std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, const float* y, const float* z,
@@ -147,10 +184,17 @@ std::uint64_t Occluders::occluded_from(const glm::vec3& from, const float* x, co
     const glm::vec3 o = part.posed ? part.to_object * (from - part.shift) : from;
     if (part.posed) turn(fan, part.to_object, turned);
     const Fan& here = part.posed ? turned : fan;
-    const std::uint64_t asked = near_box(here, o, part.centre, part.half) & ~hit;
+    std::uint64_t asked = near_box(here, o, part.centre, part.half) & ~hit;
     if (asked == 0) continue;
     Fan some;
     select(here, asked, some);
+    if (!part.inside.empty()) {
+      const std::uint64_t blocked = through(some, o, part.inside, part.centre, part.half);
+      hit |= blocked;
+      asked &= ~blocked;
+      if (asked == 0) continue;
+      if (blocked != 0) select(here, asked, some);
+    }
     hit |= trace(part.scene, o, some, lanes);
   }
   return hit;

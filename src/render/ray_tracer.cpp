@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "render/embree.h"
+#include "render/inner_spheres.h"
 #include "render/occluders.h"
 #include "scene/shapes.h"
 
@@ -21,11 +22,12 @@ struct RayTracer::Embree {
   static constexpr float kLeast = 1e-30f;         // of a direction: less counts as this
 
   RTCDevice device = nullptr;
-  RTCScene still = nullptr;           // all meshes that do not move; as an instance it would be slower
-  RTCScene moving = nullptr;          // instances of those that do; null if none does
-  std::vector<RTCScene> shapes;       // by mesh: of those that move and are no instances; else null
-  std::vector<RTCGeometry> placings;  // by mesh: the instance in `moving` of those that move; else null
-  std::vector<Bounds> bounds;         // of each of them in the world, padded; none where they are many
+  RTCScene still = nullptr;                 // all meshes that do not move; as an instance it would be slower
+  RTCScene moving = nullptr;                // instances of those that do; null if none does
+  std::vector<RTCScene> shapes;             // by mesh: of those that move and are no instances; else null
+  std::vector<std::vector<Sphere>> inside;  // by mesh: of those shapes that do not deform
+  std::vector<RTCGeometry> placings;        // by mesh: the instance in `moving` of those that move; else null
+  std::vector<Bounds> bounds;               // of each of them in the world, padded; none where they are many
   Occluders occluders;
   bool has_packets = false;  // of 16; Embree makes two halves of them where vectors are shorter, at no gain
 
@@ -233,12 +235,14 @@ void RayTracer::attach_shape(std::uint32_t i) {
   rtcAttachGeometryByID(to, geometry, i);
   rtcReleaseGeometry(geometry);
   if (mesh.moves()) embree::commit(to);
+  if (mesh.pose) embree_->inside[i] = inner_spheres(to, mesh);
 }
 
 void RayTracer::build_scene() {
   embree_ = std::make_unique<Embree>();
   const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
   embree_->shapes.resize(count);
+  embree_->inside.resize(count);
   embree_->placings.resize(count);
   if (scene_.moves()) embree_->moving = embree_->new_scene();
   for (std::uint32_t i = 0; i < count; ++i) attach_shape(i);
@@ -268,7 +272,8 @@ void RayTracer::place_occluders() {
     if (!embree_->placings[i]) continue;
     embree_->bounds.push_back(in_world({placed_[i].box, placed_[i].pose}, epsilon_));
     const std::uint32_t shape = scene_.meshes[i].instance_of == kOwnShape ? i : scene_.meshes[i].instance_of;
-    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_);
+    all.add_moving(embree_->shapes[shape], {placed_[i].box, placed_[i].pose}, epsilon_,
+                   embree_->inside[shape]);
   }
   if (embree_->bounds.size() > Embree::kManyMoving) embree_->bounds.clear();
 }
