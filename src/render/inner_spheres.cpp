@@ -22,8 +22,8 @@ namespace icbench {
 namespace {
 
 constexpr std::size_t kFewTriangles = 256;  // a BVH of these is as fast
-constexpr std::size_t kMost = 24;           // spheres
-constexpr int kSteps = 20;                  // of the grid of centres, along the mesh's longest side
+constexpr std::size_t kMost = 32;           // spheres
+constexpr int kSteps = 24;                  // of the grid of centres, along the mesh's longest side
 constexpr float kMargin = 1e-3f;            // of the longest side: far more than any rounding
 constexpr std::size_t kWorth = 4;           // points of the grid that a sphere must hold and no other does
 constexpr int kMostWindings = 64;           // of parts of the grid that hang together
