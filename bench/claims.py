@@ -1,11 +1,11 @@
-"""The claims of README.md: bench/artifact measures them again by this file, once everything is built.
+"""The claims of README.md and bench/MEASURED.md; bench/artifact measures them again, once everything is built.
 
-bench/claims.json is their one place. Each has its claimed figure as README.md tells it (a median with its 95 %
+bench/claims.json is their one place. Each has its claimed figure as these pages tell it (a median with its 95 %
 interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
 or, where a claim holds or does not, a command that shows it. Figures are of the first of `machines` unless the claim
 names its `machine`; `elsewhere` has those of others, by machine. `seconds` is what it took on the last one that told.
 Rows that share their samples name all of them as `together`.
-tests/artifact_test.py holds README.md and ARTIFACT.md to it.
+tests/artifact_test.py holds them and ARTIFACT.md to it.
 """
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The claims of README.md: one place, nothing that drifts apart, judged and released by what stands in bench/."""
+"""The claims of README.md and bench/MEASURED.md: one place, nothing that drifts apart, judged and released by what stands in bench/."""
 
 import json
 import os
@@ -17,6 +17,7 @@ import claims  # noqa: E402
 
 PATIENCE = 120  # seconds
 kPrograms = Path(os.environ.get("ICBENCH", kRoot / "build/release/bin/icbench")).parent
+kPages = ("README.md", "bench/MEASURED.md")
 kMend = "bring bench/claims.json up to date, then ARTIFACT.md by bench/artifact --write"
 
 
@@ -45,19 +46,20 @@ class Claims(unittest.TestCase):
                 path = kPrograms / Path(program).name if program.startswith("build/release/bin/") else kRoot / program
                 self.assertTrue(path.exists() or shutil.which(program), program)
 
-    def test_readme_has_their_figures_and_no_others(self):
-        readme = text_of("README.md")
+    def test_pages_have_their_figures_and_no_others(self):
         told = [text for claim in self.all if "row" in claim
                 for text in (claim.get("readme", claim["claimed"]), claim.get("also"),
                              *(other["claimed"] for other in claim.get("elsewhere", {}).values())) if text]
+        pages = " ".join(map(text_of, kPages))
         for text in told:
-            self.assertIn(text, readme, kMend)
+            self.assertIn(text, pages, kMend)
         # In tables: what the words between them say of single runs is no claim.
-        tables = " ".join(line for line in (kRoot / "README.md").read_text(encoding="utf-8").splitlines()
-                          if line.startswith("|"))
-        for figure in re.findall(rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]", tables):
-            if figure not in told:
-                self.assertIn(figure, kNotClaimed, f"README.md's {figure} is in no claim; {kMend}")
+        for page in kPages:
+            tables = " ".join(line for line in (kRoot / page).read_text(encoding="utf-8").splitlines()
+                              if line.startswith("|"))
+            for figure in re.findall(rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]", tables):
+                if figure not in told:
+                    self.assertIn(figure, kNotClaimed, f"{page}'s {figure} is in no claim; {kMend}")
 
     def test_verdicts_follow_from_figures_and_targets(self):
         told = [(claim["row"], figures) for claim in self.all if "row" in claim
@@ -98,7 +100,7 @@ class Claims(unittest.TestCase):
         self.assertLessEqual(sum(claim.get("seconds", 0) for claim in self.all if claim.get("quick")), 1800)
 
 
-# Intervals of README.md's tables that are told beside a claim's: of another setting.
+# Intervals of the pages' tables that are told beside a claim's: of another setting.
 kNotClaimed = {"0.005 [0.005, 0.006]"}
 
 
