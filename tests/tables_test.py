@@ -181,8 +181,8 @@ class Options(unittest.TestCase):
         for bad in (["--size", "12"], ["--size", "0x9"], ["--frames", "1"], ["--frames", "x"],
                     ["--threads", "1,1"], ["--threads", "9000"], ["--threads", ""], ["--accuracy", "nan"],
                     ["--accuracy", "0"], ["--scenes", "a,,b"], ["--keep-frames", "exr"], ["--rounds", "0"],
-                    ["--wrong"], ["--qui"], ["stray"], ["--out"], ["--out",
-                                                                   "/dev/null/folder"], ["--seed", "-1"]):
+                    ["--wrong"], ["--qui"], ["--reference-spp", "129"], ["--reference-spp", "0"], ["stray"],
+                    ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"]):
             with self.subTest(bad), self.assertRaises(options.BadUsage) as caught:
                 options.parse(bad)
             self.assertNotIn("\n", str(caught.exception))
@@ -364,6 +364,9 @@ class Interrupted(Case):
         self.assertEqual(self.start(*run, "--resume").returncode, 0)
         self.assertTrue(self.tables()["complete"])
         self.assertLess(safe.items(), self.finished().items())
+        self.assertEqual(json.dumps(self.numbers()), json.dumps(in_one_go))
+        done = self.start(*run, "--choose-vpls", "--resume")
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (2, 1), "finished tables are not overwritten")
         self.assertEqual(json.dumps(self.numbers()), json.dumps(in_one_go))
 
     def test_killed_at_every_job_in_turn_and_while_a_job_is_made_final(self):

@@ -1,4 +1,4 @@
-// The thesis's animations as rows see them: how many virtual point lights each needs, and what the thesis measured.
+// The thesis's animations as rows see them: how many virtual point lights they take, and what the thesis measured.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace icbench {
 /// A scene whose pictures are judged, and its virtual lights; the accuracy of caches is the scene's own.
 struct Setting {
   std::string_view scene;
-  std::uint32_t vpls;  ///< with which IGI's visible error has levelled off, by bench/tables --choose-vpls
+  std::uint32_t vpls;  ///< bench/MEASURED.md tells of which scenes IGI's visible error levels off there
 };
 
 /// Of the caches.

@@ -256,6 +256,13 @@ def _lines(path: str) -> list[str]:
         return []
 
 
+def _is_complete(tables: Path) -> bool:
+    try:
+        return bool(json.loads(tables.read_text(encoding="utf-8")).get("complete"))
+    except (OSError, ValueError):
+        return False
+
+
 def _prepare(settings: Settings) -> int:
     """Makes the output folder and locks it for this process; returns the lock. Raises BadUsage."""
     try:
@@ -274,6 +281,9 @@ def _prepare(settings: Settings) -> int:
         raise BadUsage(
             f"'{settings.out}' holds {finished} finished jobs; go on with --resume, choose another --out, "
             "or remove the folder")
+    if settings.only_vpls and _is_complete(settings.out / "tables.json"):
+        raise BadUsage(f"'{settings.out}' holds finished tables, which say how many virtual lights were chosen; choose "
+                       "another --out")
     sweep_scratch(settings.out / "jobs")
     sweep_scratch(settings.references)
     return lock

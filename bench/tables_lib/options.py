@@ -162,6 +162,8 @@ def parse(arguments: list[str]) -> Settings:
         changes["rounds"] = _whole("--rounds", given.rounds, 1, 1000)
     if given.reference_spp is not None:
         changes["reference_spp"] = _whole("--reference-spp", given.reference_spp, 2, 10**6)
+        if changes["reference_spp"] % 2:  # two halves tell the reference's own error
+            raise BadUsage(f"--reference-spp '{given.reference_spp}' is odd; give an even number")
     scale = Scale(**{**kScales[mode].__dict__, **changes})
     few = {name: min(getattr(scale, name), scale.frames) for name in ("converged_frames", "mechanism_frames")}
     scale = Scale(**{**scale.__dict__, **few})

@@ -212,6 +212,8 @@ class PackedCells {
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
+    grid_.populate(dense_entries());
+    bricks_.populate((std::uint64_t{offset} + n) / 16);
     nodes_.touch(offset / 16, n / 16);
     cells_.touch(offset / 4, n / 4);
     more_.touch(offset / 16, n / 16);

@@ -106,7 +106,8 @@ HWY_INLINE Word compressed(Word from, hn::Mask<Words> keep) {
   if constexpr (kCompresses) {
     return hn::Compress(from, keep);
   } else {
-    // Highway does it by a table as well, which GCC 12 copies to the stack every time.
+    // Highway does it by a table as well, which GCC 12 copies to the stack every time (seen where vectors have 8 lanes).
+    static_assert(kCompresses || hn::MaxLanes(Words()) <= 8);
     std::uint8_t bits[8];
     hn::StoreMaskBits(words, keep, bits);
     const auto order = hn::LoadU(hn::Rebind<std::uint8_t, Words>(), kOrders[bits[0]].data());

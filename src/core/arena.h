@@ -80,7 +80,8 @@ class Arena {
     std::memset(base_ + bytes(first), 0, bytes(std::min(n, units_ - first)));
   }
 
-  /// Has the system put memory behind the first `n` units, if it can; whatever is in them stays. At any time.
+  /// Has the system put memory behind the first `n` units, if it can, on the calling thread's node; whatever is in them
+  /// stays. At any time.
   void populate([[maybe_unused]] std::uint64_t n) noexcept {
 #if defined(MADV_POPULATE_WRITE)
     ::madvise(base_, bytes(std::min(n + 1, units_)), MADV_POPULATE_WRITE);  // advice: may be refused

@@ -179,6 +179,7 @@ std::vector<Sphere> choose(const std::vector<Sphere>& from) {
     const std::size_t s = best.top().second;
     best.pop();
     const std::size_t now = gain(from[s]);
+    if (now < kWorth) continue;
     if (!best.empty() && now < best.top().first) {
       best.emplace(now, s);
       continue;

@@ -85,7 +85,8 @@ std::uint64_t near_box(const Fan& fan, const glm::vec3& from, const glm::vec3& c
 }
 
 // Bits of the rays whose segment has an end outside a box and, between its ends, passes the middle of a sphere by less
-// than its radius. Of the others some may do so too, by no more than rounding.
+// than its radius. By no more than rounding some are told that do not, and some are not that do; so spheres are smaller
+// here than they might be (add_moving).
 std::uint64_t through(const Fan& fan, const glm::vec3& from, std::span<const Sphere> spheres,
                       const glm::vec3& centre, const glm::vec3& half) noexcept {
   alignas(64) float d2[kFan + kPacket];

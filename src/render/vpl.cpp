@@ -195,7 +195,7 @@ std::uint32_t VplSet::take_slot() {
   std::size_t w = first_free_word_;
   while (w < used_.size() && used_[w] == ~std::uint64_t{0}) ++w;
   if (w == used_.size()) {
-    vpls_.grow(vpls_.slots() + std::max(VplArrays::kWord, vpls_.slots() / 32));
+    vpls_.grow(vpls_.slots() + std::max(VplArrays::kWord, vpls_.slots() / 128));
     used_.resize(vpls_.words());
   }
   first_free_word_ = w;

@@ -18,8 +18,8 @@
 // *Samples* of 64 VPLs, from which compensation draws, follow the order of the paths instead: a run of a Halton sequence
 // stands for all of it, and samples are the same whatever frames went before, wherever their VPLs have their slots.
 //
-// Costs: 72 bytes a slot, 16 a path vertex, 8 a path; tracing is parallel, taking over what was traced is one short
-// serial loop in the order of the paths, so that nothing depends on the threads.
+// Costs: 36 bytes a slot, 36 a VPL in samples, 16 a path vertex, 8 a path; tracing is parallel, taking over what was
+// traced is one short serial loop in the order of the paths, so that nothing depends on the threads.
 #pragma once
 
 #include <cstddef>
