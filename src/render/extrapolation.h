@@ -113,7 +113,7 @@ struct RecordDetail {
 /// record is read by others after they found the record in the cache: the cache's own publication orders the two.
 class RecordDetails {
  public:
-  static constexpr std::uint32_t kBlock = 64;
+  static constexpr std::uint32_t kBlock = 16;
   static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
 
   /// For `capacity` records at least, drawn by `threads` threads; with marks for the guard against leaks or without.

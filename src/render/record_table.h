@@ -1,9 +1,10 @@
 // What temporal instant caching keeps of each record beside the cache: 48 bytes, and a bit for every slot of a virtual
 // light. Slots come in words of 64, which costs 4 bytes a record on average. Irradiance is in the cache alone.
 //
-// Records are named by a 32-bit id, which is their place here. Blocks of 64 are taken from the system as they are
-// needed, so memory follows the number of records; threads draw free ids in batches of a block. What a thread writes
-// to an id of its own is read by others only between frames, when all is quiescent.
+// Records are named by a 32-bit id, which is their place here. Blocks of 16 are taken from the system as they are
+// needed, so memory follows the number of records, but for a pointer a block of the capacity; threads draw free ids in
+// batches of a block. What a thread writes to an id of its own is read by others only between frames, when all is
+// quiescent.
 #pragma once
 
 #include <atomic>
@@ -17,6 +18,7 @@
 
 #include "core/sync.h"
 #include "core/types.h"
+#include "render/extrapolation.h"
 #include "render/packed_normal.h"
 #include "render/radius_rays.h"
 
@@ -46,8 +48,8 @@ inline constexpr std::uint16_t kManyMeshes = std::numeric_limits<std::uint16_t>:
 
 class RecordTable {
  public:
-  static constexpr std::uint32_t kBlock = 64;
-  static constexpr std::uint32_t kNone = ~0u;  ///< no id
+  static constexpr std::uint32_t kBlock = RecordDetails::kBlock;  // theirs go by the same ids
+  static constexpr std::uint32_t kNone = ~0u;                     ///< no id
 
   /// For `capacity` records at most, drawn by `threads` threads.
   RecordTable(std::uint32_t capacity, unsigned threads)
@@ -81,9 +83,9 @@ class RecordTable {
     taken_.store(0, std::memory_order_relaxed);  // quiescent
   }
 
-  /// Bytes taken so far.
+  /// Bytes taken so far, pointers to blocks that are not in use aside.
   std::size_t bytes() const noexcept {
-    return blocks_used() * (kBlock * (sizeof(KeptRecord) + words_ * sizeof(std::uint64_t)));
+    return blocks_used() * (sizeof(blocks_[0]) + sizeof(Block) + kBlock * words_ * sizeof(std::uint64_t));
   }
 
  private:
