@@ -61,6 +61,7 @@ std::unique_ptr<Experiment> breakdown_sum(const Machine& machine);
 
 /// Median error of the simulator against measured trials: `figure` is one of those of throughput, records and waiting.
 std::unique_ptr<Experiment> simulator_error(const Machine& machine, double Validation::*figure);
+std::unique_ptr<Experiment> simulator_speed(const Machine& machine);
 
 /// All rows, in the order in which they are printed.
 std::vector<Row> all_rows();
