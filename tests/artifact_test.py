@@ -229,7 +229,8 @@ class Release(unittest.TestCase):
         self.clone, self.results = self.folder / "clone", self.folder / "clone/results"
         # A repository of this release script and pages, whatever is not committed here.
         (self.clone / "bench").mkdir(parents=True)
-        for name in "bench/release", "bench/setup", "bench/packages.txt", "README.md", "ARTIFACT.md", ".gitignore":
+        for name in ("bench/release", "bench/setup", "bench/packages.txt", "bench/MEASURED.md", "README.md", "ARTIFACT.md",
+                     ".gitignore"):
             shutil.copy(kRoot / name, self.clone / name)
         self.git("init", "-q")
         self.git("add", "-A")
@@ -239,6 +240,7 @@ class Release(unittest.TestCase):
                      "breakdown", "anatomy", "simulated"):
             self.write(name, complete=True)
         (self.results / "correctness.json").write_text('{"checks": []}')
+        self.write_run("default")
 
     def git(self, *arguments):
         subprocess.run(["git", "-C", self.clone, *arguments], check=True, timeout=PATIENCE)
@@ -246,6 +248,10 @@ class Release(unittest.TestCase):
     def write(self, name, **context):
         context = {"commit": "abc123", "dirty": False, **context}
         (self.results / f"{name}.json").write_text(json.dumps({"context": context, "benchmarks": []}))
+
+    def write_run(self, mode):
+        (self.results / "run.json").write_text(json.dumps(
+            {"mode": mode, "commit": "abc123", "start": "2026-01-02T03:04:05Z", "end": "2026-01-02T04:14:05Z"}))
 
     def release(self):
         return subprocess.run([self.clone / "bench/release", self.folder / "out"], text=True, capture_output=True,
@@ -259,9 +265,14 @@ class Release(unittest.TestCase):
         listed = {line.split()[1] for line in (out / "SHA256SUMS").read_text().splitlines()}
         there = {f"./{path.relative_to(out)}" for path in out.rglob("*") if path.is_file()}
         self.assertEqual(listed, there - {"./SHA256SUMS"})
-        for name in "source.tar.gz", "environment.txt", "ARTIFACT.md", "results/pareto.json":
+        for name in ("source.tar.gz", "environment.txt", "ARTIFACT.md", "bench/MEASURED.md", "results/pareto.json",
+                     "results/run.json"):
             self.assertIn(f"./{name}", listed)
-        self.assertIn("abc123 pareto.json", (out / "commit.txt").read_text())
+        commits, page = (out / "commit.txt").read_text(), (out / "README.md").read_text()
+        self.assertIn("abc123 pareto.json", commits)
+        self.assertIn("run default, abc123, from 2026-01-02T03:04:05Z", commits)
+        self.assertIn("are those of `bench/run` (mode default) at commit abc123,", page)
+        self.assertTrue(page.endswith("\n\n" + (kRoot / "README.md").read_text()))
         (out / "results/pareto.json").write_text("{}")
         checked = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=out, capture_output=True)
         self.assertNotEqual(checked.returncode, 0)
@@ -277,6 +288,15 @@ class Release(unittest.TestCase):
         for context, says in (({"complete": False}, "is not complete"), ({"dirty": True}, "not committed")):
             self.write("pareto", **context)
             refused(says)
+        self.write_run("quick")
+        refused("quick one")
+        self.write_run("swift")
+        refused("run.json is damaged")
+        (self.results / "run.json").unlink()
+        refused("nothing says what run this was")
+        (self.results / ".unfinished").touch()
+        refused("is not finished")
+        self.write_run("full")
         (self.results / "pareto.json").write_text('{"context": {')
         refused("is damaged")
         (self.results / "pareto.json").unlink()
