@@ -26,6 +26,12 @@ def text_of(name):
     return " ".join((kRoot / name).read_text(encoding="utf-8").split())
 
 
+def texts_of(claim):
+    """What the pages say of a row's figures."""
+    others = claim.get("elsewhere", {}).values()
+    return [*(one.get("readme", one["claimed"]) for one in (claim, *others)), *([claim["also"]] if "also" in claim else [])]
+
+
 class Claims(unittest.TestCase):
 
     @classmethod
@@ -47,9 +53,7 @@ class Claims(unittest.TestCase):
                 self.assertTrue(path.exists() or shutil.which(program), program)
 
     def test_pages_have_their_figures_and_no_others(self):
-        told = [text for claim in self.all if "row" in claim
-                for text in (claim.get("readme", claim["claimed"]), claim.get("also"),
-                             *(other["claimed"] for other in claim.get("elsewhere", {}).values())) if text]
+        told = [text for claim in self.all if "row" in claim for text in texts_of(claim)]
         pages = " ".join(map(text_of, kPages))
         for text in told:
             self.assertIn(text, pages, kMend)
@@ -57,7 +61,7 @@ class Claims(unittest.TestCase):
         for page in kPages:
             tables = " ".join(line for line in (kRoot / page).read_text(encoding="utf-8").splitlines()
                               if line.startswith("|"))
-            for figure in re.findall(rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]", tables):
+            for figure in re.findall(kInterval, tables):
                 if figure not in told:
                     self.assertIn(figure, kNotClaimed, f"{page}'s {figure} is in no claim; {kMend}")
 
@@ -96,10 +100,25 @@ class Claims(unittest.TestCase):
         for machine in self.machines.values():
             self.assertIn(machine["hardware"], text_of("ARTIFACT.md"), kMend)
 
+    def test_the_quick_path_has_every_row_of_readme(self):
+        page = text_of("README.md")
+        self.assertLessEqual({claims.name_of(claim) for claim in self.all if "outside" in claim},
+                             {claims.name_of(claim) for claim in self.all if not claim.get("quick")})
+        for figure in {*re.findall(kInterval, page), *(c["readme"] for c in self.all if "readme" in c)} - kNotClaimed:
+            mine = [claim for claim in self.all if "row" in claim and figure in texts_of(claim)]
+            self.assertTrue(any(claim.get("quick") or claim.get("outside") for claim in mine),
+                            f"README.md's {figure} is neither quick nor outside with a reason; {kMend}")
+        for claim in self.all:
+            if "row" in claim and claim.get("quick"):
+                self.assertTrue(any(text in page for text in texts_of(claim)), f"{claim['row']} is not in README.md")
+            if "row" not in claim:
+                self.assertTrue(claim.get("quick") or claim.get("outside"), f"{claim['check']}: outside, without a reason")
+
     def test_the_quick_path_takes_at_most_half_an_hour(self):
         self.assertLessEqual(sum(claim.get("seconds", 0) for claim in self.all if claim.get("quick")), 1800)
 
 
+kInterval = rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]"
 # Intervals of the pages' tables that are told beside a claim's: of another setting.
 kNotClaimed = {"0.005 [0.005, 0.006]"}
 
@@ -199,6 +218,19 @@ class Judging(unittest.TestCase):
         self.assertEqual(judge.measured(claim)["verdict"], "holds")
         for change in {"says": "2 of 2"}, {"command": "printf '1 of 1\\n'; false"}:
             self.assertEqual(judge.measured({**claim, **change, "check": "d"})["verdict"], "does not hold")
+        lacking = judge.measured({**claim, "check": "e", "needs": "no-such-program"})
+        self.assertEqual(claims.judge(claim, {}, lacking), ("skipped: no no-such-program here; install it", False))
+
+    def test_a_held_thread_is_judged_by_what_the_program_prints(self):
+        says, = [claim["says"] for _, section in claims.load_claims()[1] for claim in section
+                 if claims.name_of(claim) == "held_thread"]
+        def printed(mutex, free):
+            return "".join(f"     0.5855 us   85.99 us 1.041e+04 us {share:>7} %     36  "
+                           f"preempt/mix_90_10:operations=1000000/{cache}/threads:2/held\n"
+                           for cache, share in (("packed_global_mutex", mutex), ("packed_wait_free", free)))
+        for mutex, free, holds in (("23.3", "0.0", True), ("5.1", "0.9", True), ("4.9", "0.0", False),
+                                   ("0.0", "0.0", False), ("23.3", "1.2", False), ("23.3", "10.0", False)):
+            self.assertEqual(re.search(says, printed(mutex, free)) is not None, holds, (mutex, free))
 
     def test_the_quick_path_ends_in_time(self):
         claim = {"row": "checker_speed"}
