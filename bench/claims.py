@@ -4,6 +4,8 @@ bench/claims.json is their one place. Each has its claimed figure as these pages
 interval, a range, or a value alone) and its verdict against the target of the row in bench/targets, misses included;
 or, where a claim holds or does not, a command that shows it. Figures are of the first of `machines` unless the claim
 names its `machine`; `elsewhere` has those of others, by machine. `seconds` is what it took on the last one that told.
+`readme` has the words of a figure that the pages tell in another form. `quick` are README's claims, which half an hour
+is for; one that takes too long for it says why it is `outside`. A check `needs` a program that not every machine has.
 Rows that share their samples name all of them as `together`.
 tests/artifact_test.py holds them and ARTIFACT.md to it.
 """
@@ -16,6 +18,7 @@ import math
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -117,6 +120,11 @@ def time_of(claim: dict) -> str:
     return f"{seconds} s" if seconds < 120 else f"{seconds / 60:.0f} min"
 
 
+def path_of(claim: dict) -> str:
+    """Whether the claim is on the quick path, and why not where it should be."""
+    return "yes" if claim.get("quick") else f"no: {claim['outside']}" if "outside" in claim else ""
+
+
 def tables(rows: dict[str, tuple[str, str]]) -> str:
     """ARTIFACT.md from its first table on."""
     lines = []
@@ -135,12 +143,11 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
                     claimed.append(f"{where}{told['claimed']}{also}")
                     verdicts.append(where + {"fail": "**miss**"}.get(told["verdict"], told["verdict"]))
                 claimed, verdict = "; ".join(claimed), "; ".join(verdicts)
-                quick = "yes" if c.get("quick") else ""
-                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {time_of(c)} | {quick} |")
+                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {time_of(c)} | {path_of(c)} |")
         else:
             lines += [f"### {title}", ""]
             for c in claims:
-                lines += [f"- `{c['check']}`{', quick' if c.get('quick') else ''} ({time_of(c)}): {c['claim']}", "",
+                lines += [f"- `{c['check']}` (quick: {path_of(c)}; {time_of(c)}): {c['claim']}", "",
                           *(f"      {part}" for part in command_of(c, "results/artifact").split(" && ")), ""]
         if lines[-1]:
             lines.append("")
@@ -226,6 +233,9 @@ class Judge:
                 for row in rows}
 
     def _check(self, claim: dict, command: str) -> dict:
+        needed = claim.get("needs")
+        if needed and not shutil.which(needed):
+            return {"verdict": "skipped", "why": f"no {needed} here; install it"}
         log = self.out / f"{claim['check']}.log"
         with open(log, "w", encoding="utf-8") as said:
             command = command.replace("build/release/bin", shlex.quote(str(self.programs)))
@@ -239,10 +249,10 @@ class Judge:
 def judge(claim: dict, told: dict, result: dict) -> tuple[str, bool]:
     """What the measurement says of the claim, told as by figures_of, and whether it contradicts it."""
     verdict = result["verdict"]
+    if verdict == "skipped":
+        return f"skipped: {result['why']}", False
     if "check" in claim:
         return verdict, verdict != "holds"
-    if result["median"] is None:
-        return f"skipped: {result['why']}", False
     low, high = interval_of(told["claimed"])
     within = result["low"] <= high and low <= result["high"]
     other = {verdict, told["verdict"]} == {"pass", "fail"}
@@ -267,8 +277,10 @@ def run(options: argparse.Namespace) -> int:
             if name not in known:
                 raise Refused(f"no claim '{name}'; ARTIFACT.md names them all")
         claims = [known[name] for name in options.only.split(",")]
-    elif not options.full:
-        claims = [c for c in claims if c.get("quick")]
+    else:
+        claims.sort(key=lambda c: not c.get("quick"))
+        if not options.full:
+            claims = [c for c in claims if c.get("quick")]
     out = Path(options.out).resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)

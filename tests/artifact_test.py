@@ -26,6 +26,12 @@ def text_of(name):
     return " ".join((kRoot / name).read_text(encoding="utf-8").split())
 
 
+def texts_of(claim):
+    """What the pages say of a row's figures."""
+    others = claim.get("elsewhere", {}).values()
+    return [*(one.get("readme", one["claimed"]) for one in (claim, *others)), *([claim["also"]] if "also" in claim else [])]
+
+
 class Claims(unittest.TestCase):
 
     @classmethod
@@ -47,9 +53,7 @@ class Claims(unittest.TestCase):
                 self.assertTrue(path.exists() or shutil.which(program), program)
 
     def test_pages_have_their_figures_and_no_others(self):
-        told = [text for claim in self.all if "row" in claim
-                for text in (claim.get("readme", claim["claimed"]), claim.get("also"),
-                             *(other["claimed"] for other in claim.get("elsewhere", {}).values())) if text]
+        told = [text for claim in self.all if "row" in claim for text in texts_of(claim)]
         pages = " ".join(map(text_of, kPages))
         for text in told:
             self.assertIn(text, pages, kMend)
@@ -57,7 +61,7 @@ class Claims(unittest.TestCase):
         for page in kPages:
             tables = " ".join(line for line in (kRoot / page).read_text(encoding="utf-8").splitlines()
                               if line.startswith("|"))
-            for figure in re.findall(rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]", tables):
+            for figure in re.findall(kInterval, tables):
                 if figure not in told:
                     self.assertIn(figure, kNotClaimed, f"{page}'s {figure} is in no claim; {kMend}")
 
@@ -96,10 +100,25 @@ class Claims(unittest.TestCase):
         for machine in self.machines.values():
             self.assertIn(machine["hardware"], text_of("ARTIFACT.md"), kMend)
 
+    def test_the_quick_path_has_every_row_of_readme(self):
+        page = text_of("README.md")
+        self.assertLessEqual({claims.name_of(claim) for claim in self.all if "outside" in claim},
+                             {claims.name_of(claim) for claim in self.all if not claim.get("quick")})
+        for figure in {*re.findall(kInterval, page), *(c["readme"] for c in self.all if "readme" in c)} - kNotClaimed:
+            mine = [claim for claim in self.all if "row" in claim and figure in texts_of(claim)]
+            self.assertTrue(any(claim.get("quick") or claim.get("outside") for claim in mine),
+                            f"README.md's {figure} is neither quick nor outside with a reason; {kMend}")
+        for claim in self.all:
+            if "row" in claim and claim.get("quick"):
+                self.assertTrue(any(text in page for text in texts_of(claim)), f"{claim['row']} is not in README.md")
+            if "row" not in claim:
+                self.assertTrue(claim.get("quick") or claim.get("outside"), f"{claim['check']}: outside, without a reason")
+
     def test_the_quick_path_takes_at_most_half_an_hour(self):
         self.assertLessEqual(sum(claim.get("seconds", 0) for claim in self.all if claim.get("quick")), 1800)
 
 
+kInterval = rf"{claims.kNumber} \[{claims.kNumber}, {claims.kNumber}\]"
 # Intervals of the pages' tables that are told beside a claim's: of another setting.
 kNotClaimed = {"0.005 [0.005, 0.006]"}
 
@@ -199,6 +218,19 @@ class Judging(unittest.TestCase):
         self.assertEqual(judge.measured(claim)["verdict"], "holds")
         for change in {"says": "2 of 2"}, {"command": "printf '1 of 1\\n'; false"}:
             self.assertEqual(judge.measured({**claim, **change, "check": "d"})["verdict"], "does not hold")
+        lacking = judge.measured({**claim, "check": "e", "needs": "no-such-program"})
+        self.assertEqual(claims.judge(claim, {}, lacking), ("skipped: no no-such-program here; install it", False))
+
+    def test_a_held_thread_is_judged_by_what_the_program_prints(self):
+        says, = [claim["says"] for _, section in claims.load_claims()[1] for claim in section
+                 if claims.name_of(claim) == "held_thread"]
+        def printed(mutex, free):
+            return "".join(f"     0.5855 us   85.99 us 1.041e+04 us {share:>7} %     36  "
+                           f"preempt/mix_90_10:operations=1000000/{cache}/threads:2/held\n"
+                           for cache, share in (("packed_global_mutex", mutex), ("packed_wait_free", free)))
+        for mutex, free, holds in (("23.3", "0.0", True), ("5.1", "0.9", True), ("4.9", "0.0", False),
+                                   ("0.0", "0.0", False), ("23.3", "1.2", False), ("23.3", "10.0", False)):
+            self.assertEqual(re.search(says, printed(mutex, free)) is not None, holds, (mutex, free))
 
     def test_the_quick_path_ends_in_time(self):
         claim = {"row": "checker_speed"}
@@ -229,7 +261,8 @@ class Release(unittest.TestCase):
         self.clone, self.results = self.folder / "clone", self.folder / "clone/results"
         # A repository of this release script and pages, whatever is not committed here.
         (self.clone / "bench").mkdir(parents=True)
-        for name in "bench/release", "bench/setup", "bench/packages.txt", "README.md", "ARTIFACT.md", ".gitignore":
+        for name in ("bench/release", "bench/setup", "bench/packages.txt", "bench/MEASURED.md", "README.md", "ARTIFACT.md",
+                     ".gitignore"):
             shutil.copy(kRoot / name, self.clone / name)
         self.git("init", "-q")
         self.git("add", "-A")
@@ -239,6 +272,7 @@ class Release(unittest.TestCase):
                      "breakdown", "anatomy", "simulated"):
             self.write(name, complete=True)
         (self.results / "correctness.json").write_text('{"checks": []}')
+        self.write_run("default")
 
     def git(self, *arguments):
         subprocess.run(["git", "-C", self.clone, *arguments], check=True, timeout=PATIENCE)
@@ -246,6 +280,10 @@ class Release(unittest.TestCase):
     def write(self, name, **context):
         context = {"commit": "abc123", "dirty": False, **context}
         (self.results / f"{name}.json").write_text(json.dumps({"context": context, "benchmarks": []}))
+
+    def write_run(self, mode):
+        (self.results / "run.json").write_text(json.dumps(
+            {"mode": mode, "commit": "abc123", "start": "2026-01-02T03:04:05Z", "end": "2026-01-02T04:14:05Z"}))
 
     def release(self):
         return subprocess.run([self.clone / "bench/release", self.folder / "out"], text=True, capture_output=True,
@@ -259,9 +297,14 @@ class Release(unittest.TestCase):
         listed = {line.split()[1] for line in (out / "SHA256SUMS").read_text().splitlines()}
         there = {f"./{path.relative_to(out)}" for path in out.rglob("*") if path.is_file()}
         self.assertEqual(listed, there - {"./SHA256SUMS"})
-        for name in "source.tar.gz", "environment.txt", "ARTIFACT.md", "results/pareto.json":
+        for name in ("source.tar.gz", "environment.txt", "ARTIFACT.md", "bench/MEASURED.md", "results/pareto.json",
+                     "results/run.json"):
             self.assertIn(f"./{name}", listed)
-        self.assertIn("abc123 pareto.json", (out / "commit.txt").read_text())
+        commits, page = (out / "commit.txt").read_text(), (out / "README.md").read_text()
+        self.assertIn("abc123 pareto.json", commits)
+        self.assertIn("run default, abc123, from 2026-01-02T03:04:05Z", commits)
+        self.assertIn("are those of `bench/run` (mode default) at commit abc123,", page)
+        self.assertTrue(page.endswith("\n\n" + (kRoot / "README.md").read_text()))
         (out / "results/pareto.json").write_text("{}")
         checked = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=out, capture_output=True)
         self.assertNotEqual(checked.returncode, 0)
@@ -277,6 +320,15 @@ class Release(unittest.TestCase):
         for context, says in (({"complete": False}, "is not complete"), ({"dirty": True}, "not committed")):
             self.write("pareto", **context)
             refused(says)
+        self.write_run("quick")
+        refused("quick one")
+        self.write_run("swift")
+        refused("run.json is damaged")
+        (self.results / "run.json").unlink()
+        refused("nothing says what run this was")
+        (self.results / ".unfinished").touch()
+        refused("is not finished")
+        self.write_run("full")
         (self.results / "pareto.json").write_text('{"context": {')
         refused("is damaged")
         (self.results / "pareto.json").unlink()

@@ -118,10 +118,13 @@ class Time(Case):
         self.assertEqual([key for key in results["benchmarks"][0] if key.startswith("time_")], ["time_unit"])
 
     def test_a_timeline_is_a_trace_event_file(self):
-        for events in 200, 100_000:
-            self.succeed(*small_sweep(caches="packed_global_mutex", workloads="miss_driven:operations=3000", threads=3,
-                                      timeline="timeline.json", out="out.json"), "--timeline-events", events)
+        for workload, events in (("miss_driven:operations=3000", 200), ("miss_driven:operations=3000", 100_000),
+                                 ("cornell_box:rays=4:spp=1:size=32x32", 100_000)):
+            self.succeed(*small_sweep(caches="packed_global_mutex", workloads=workload, threads=3,
+                                      timeline="timeline.json", out="out.json"), "--timeline-events", events,
+                         "--reference-spp", "2")
             trace = self.load("timeline.json")
+            self.assertEqual(trace["otherData"]["workload"].partition(":")[0], workload.partition(":")[0])
             self.assertEqual(trace["otherData"]["cache"], "packed_global_mutex")
             names, rows, complete = {}, set(), 0
             for event in trace["traceEvents"]:
@@ -137,6 +140,7 @@ class Time(Case):
                 rows.add(event["tid"])
                 complete += 1
             self.assertLessEqual(complete, events)
+            self.assertGreater(complete, 0)
             self.assertLessEqual(rows, names.keys())
             self.assertEqual(names, {0: "thread 0", 1: "thread 1", 2: "thread 2", 3: "ends of frames"})
             self.assertEqual(trace["otherData"]["spans_left_out"] > 0, events == 200)

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Counters that are compiled out leave no trace: a query's machine code is the same when nothing is handed to them, and
-they are nothing.
+"""Counters that are compiled out leave no trace: the machine code of queries and inserts is the same when nothing is
+handed to them, and they are nothing.
 
-Compiles one query twice with the flags of the build: against the headers as they are, and against a copy whose counts
+Compiles them twice with the flags of the build: against the headers as they are, and against a copy whose counts
 are all of 0, by a policy that is empty by definition. Then compares the disassembly. A control with counters on must
 differ. What a counter beside the policy would do, write to memory, caches_hard_cases_test looks for.
 
@@ -33,25 +33,29 @@ EMPTY = """class NoCounters {
   Counts counts() const noexcept { return {}; }
   void reset() noexcept {}
 };"""
-QUERY = """
+HEADERS = """
 #include "caches/direct.h"
+#include "caches/local_write.h"
+#include "caches/locked.h"
 #include "caches/packed_octree.h"
 #include "caches/ward_tree.h"
 using namespace icbench;
-using Ward = Direct<WardTree<StdSync>, {counters}>;
-using Packed_ = Direct<Packed<StdSync>, {counters}>;
-extern "C" bool ask_ward(Ward::Session& s, const SurfacePoint& x, Irradiance& out) {{
-  const auto E = s.query(x);
-  if (E) out = *E;
-  return E.has_value();
-}}
-extern "C" bool ask_packed(Packed_::Session& s, const SurfacePoint& x, Irradiance& out) {{
-  const auto E = s.query(x);
-  if (E) out = *E;
-  return E.has_value();
-}}
 """
-
+# Direct use, a lock around the whole, and copies of a thread: all ways from a session to a structure.
+CACHES = {"ward": "Direct<WardTree<StdSync>, {counters}>", "packed": "Direct<Packed<StdSync>, {counters}>",
+          "locked": "Locked<Packed<PlainSync>, GlobalMutex, {counters}>",
+          "shared": "Locked<Packed<PlainSync>, SharedMutex, {counters}>",
+          "local": "LocalWrite<Packed<StdSync>, Packed<PlainSync>, {counters}>"}
+OPERATIONS = """
+using C_{name} = {cache};
+extern "C" bool ask_{name}(C_{name}::Session& s, const SurfacePoint& x, Irradiance& out) {{
+  const auto E = s.query(x);
+  if (E) out = *E;
+  return E.has_value();
+}}
+extern "C" InsertResult insert_{name}(C_{name}::Session& s, const Record& r) {{ return s.insert(r); }}
+"""
+NAMES = [f"{operation}_{name}" for operation in ("ask", "insert") for name in CACHES]
 
 def flags():
     """Compiler and flags that the release build gives a cache, without its precompiled headers and its output."""
@@ -90,9 +94,10 @@ def without_counting(folder):
 
 
 def functions(include, counters, folder, name):
-    """Instructions of each function of the query's object, with addresses replaced by where they are within it."""
+    """Instructions of each function of the object, with addresses replaced by where they are within it."""
     source = folder / f"{name}.cpp"
-    source.write_text(QUERY.format(counters=counters))
+    source.write_text(HEADERS + "".join(OPERATIONS.format(name=each, cache=cache.format(counters=counters))
+                                        for each, cache in CACHES.items()))
     made = folder / f"{name}.o"
     subprocess.run([*flags(), "-w", "-g0", "-I", include, "-c", source, "-o", made], check=True, timeout=300)
     said = subprocess.run(["objdump", "-dr", "--no-show-raw-insn", "--no-addresses", made], check=True, text=True,
@@ -107,7 +112,6 @@ def functions(include, counters, folder, name):
     return found
 
 
-@unittest.skipUnless(shutil.which("objdump"), "no objdump; install binutils")
 class Counters(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -123,17 +127,18 @@ class Counters(unittest.TestCase):
             handed = re.findall(r"\.template\s+add<\s*&Counts::\w+\s*>\((?!0\))", path.read_text())
             self.assertEqual(handed, [], path.name)
 
-    def test_a_query_without_counters_is_the_code_without_counting(self):
+    def test_without_counters_the_code_is_that_without_counting(self):
         real = functions(SOURCES, "NoCounters", self.folder, "real")
-        for name in ("ask_ward", "ask_packed"):
+        for name in NAMES:
             self.assertGreater(len(real[name]), 20, name)
         self.assertEqual(set(real), set(self.bare))
         for name, code in real.items():
             self.assertEqual(code, self.bare[name], name)
 
-    def test_a_query_with_counters_is_not(self):
-        self.assertNotEqual(functions(SOURCES, "WithCounters", self.folder, "counted")["ask_packed"],
-                            self.bare["ask_packed"])
+    def test_with_counters_it_is_not(self):
+        counted = functions(SOURCES, "WithCounters", self.folder, "counted")
+        for name in NAMES:
+            self.assertNotEqual(counted[name], self.bare[name], name)
 
 
 if __name__ == "__main__":

@@ -73,6 +73,24 @@ TEST(Topology, OversubscriptionStartsPastTheLastUnit) {
   EXPECT_TRUE(t.oversubscribed(13));
 }
 
+TEST(Topology, DefaultCountsSufficeForAScalingLawFromSixUnitsOn) {
+  using Counts = std::vector<unsigned>;
+  EXPECT_EQ(default_thread_counts(1), (Counts{1, 4}));
+  EXPECT_EQ(default_thread_counts(2), (Counts{1, 2, 8}));
+  EXPECT_EQ(default_thread_counts(4), (Counts{1, 2, 4, 16}));
+  EXPECT_EQ(default_thread_counts(6), (Counts{1, 2, 3, 4, 5, 6, 24}));
+  EXPECT_EQ(default_thread_counts(8), (Counts{1, 2, 3, 4, 6, 8, 32}));
+  EXPECT_EQ(default_thread_counts(16), (Counts{1, 2, 3, 4, 6, 8, 12, 16, 64}));
+  EXPECT_EQ(default_thread_counts(17), (Counts{1, 2, 4, 8, 16, 17, 68}));
+  EXPECT_EQ(default_thread_counts(64), (Counts{1, 2, 4, 8, 16, 32, 64, 256}));
+  EXPECT_EQ(default_thread_counts(256), (Counts{1, 2, 4, 8, 16, 32, 64, 128, 256, 1024}));
+  EXPECT_EQ(default_thread_counts(kMaxThreads).back(), kMaxThreads);
+  for (unsigned units = 6; units <= 300; ++units) {
+    const Counts counts = default_thread_counts(units);
+    EXPECT_GE(std::upper_bound(counts.begin(), counts.end(), units) - counts.begin(), 6) << units;
+  }
+}
+
 TEST(Topology, EveryUnitOfALargeMachineIsUsedOnce) {
   const Topology t = Topology::synthetic("package:2 l3:16 core:8 pu:2");
   EXPECT_EQ(t.allowed().units, 512u);

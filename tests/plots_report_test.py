@@ -582,6 +582,8 @@ class MainJob(InFolder):
         self.assertIn("icbench preempt", self.calls.read_text())
         self.assertEqual(self.calls.read_text().count("icbench simulate"), 2)
         self.assertIn("more-cores", page)
+        self.assertEqual(json.loads((self.out / "run.json").read_text()) | {"start": "", "end": ""},
+                         {"mode": "quick", "commit": "unknown", "start": "", "end": ""})
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
@@ -604,8 +606,11 @@ class MainJob(InFolder):
         plots = self.root / "plots"
         plots.unlink()  # no plots, no report: the run ends unfinished
         self.assertEqual(self.job().returncode, 1)
+        self.assertFalse((self.out / "run.json").exists())
+        start = (self.out / ".unfinished").read_text().splitlines()[1]
         plots.symlink_to(kPlots)
         done = self.job()
+        self.assertEqual(json.loads((self.out / "run.json").read_text())["start"], start)
         self.assertNotIn("icstress", self.calls.read_text())
         self.assertEqual(done.returncode, 1)
         self.assertIn("broken promise: sequential promises integrity", done.stderr)

@@ -34,16 +34,6 @@ struct SweepOptions {
   bool breakdown = false, resume = false, dry_run = false, list = false;
 };
 
-/// Powers of two up to the processing units, these, and four times as many.
-std::vector<unsigned> default_threads(const Topology& topology) {
-  const auto units = static_cast<unsigned>(topology.units().size());
-  std::vector<unsigned> out;
-  for (unsigned n = 1; n < units; n *= 2) out.push_back(n);
-  out.push_back(units);
-  out.push_back(std::min(4 * units, kMaxThreads));
-  return out;
-}
-
 /// All but the oracle, which is a hundred times slower than anything of use.
 std::vector<std::string> default_caches() {
   std::vector<std::string> out;
@@ -60,7 +50,9 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   }
   request.caches = o.caches == "all" ? default_caches() : split_list("--caches", o.caches);
   for (const std::string& name : request.caches) find_cache(name);
-  request.threads = o.threads.empty() ? default_threads(topology) : o.threads;
+  request.threads = o.threads;
+  if (request.threads.empty())
+    request.threads = default_thread_counts(static_cast<unsigned>(topology.units().size()));
   request.placement = placement_of(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
@@ -261,7 +253,8 @@ void add_sweep(CLI::App& app) {
       ->add_option_function<std::string>(
           "--threads", [o](const std::string& text) { o->threads = parse_threads(text); },
           "Thread counts, 1 to 8192, separated by commas (default: powers\n"
-          "of two up to the processing units, these, and four times these)")
+          "of two up to the processing units, these, and four times these;\n"
+          "on 6 to 16 units also 3, 6, 12 and so on)")
       ->type_name("LIST");
   sweep->add_option("--placement", o->placement, "How threads are pinned: compact, scatter or none")
       ->capture_default_str();

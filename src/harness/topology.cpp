@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <new>
+#include <set>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -261,6 +262,20 @@ std::vector<Binding> Topology::plan(Placement placement, unsigned n) const {
     if (placement == Placement::scatter) bindings[i] = static_cast<Binding>(scatter_[slot]);
   }
   return bindings;
+}
+
+std::vector<unsigned> default_thread_counts(unsigned units) {
+  constexpr unsigned kEnough = 6;
+  std::set<unsigned> counts{units};
+  const auto double_from = [&](unsigned n) {
+    for (; n < units; n *= 2) counts.insert(n);
+  };
+  const auto is_short = [&] { return units >= kEnough && counts.size() < kEnough; };
+  double_from(1);
+  if (is_short()) double_from(3);
+  if (is_short()) counts.insert(units - 1);  // six units need every count
+  counts.insert(std::min(4 * units, kMaxThreads));
+  return {counts.begin(), counts.end()};
 }
 
 std::error_code bind_this_thread(unsigned os_index) noexcept {

@@ -36,6 +36,11 @@ inline constexpr Binding kUnbound = -1;
 /// Most threads that a plan can be made for.
 inline constexpr unsigned kMaxThreads = 8192;
 
+/// Thread counts to measure on so many units, ascending: powers of two up to them, themselves, and four times
+/// as many. Six units or more get at least six counts that are not oversubscribed, as fitting a scaling law
+/// takes: where powers of two are too few, 3, 6, 12 ... come in between.
+std::vector<unsigned> default_thread_counts(unsigned units);
+
 /// One allowed processing unit. All indices but os_index are numbered from 0 over the allowed units.
 struct ProcessingUnit {
   unsigned os_index;   ///< the operating system's number
