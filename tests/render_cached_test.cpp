@@ -200,6 +200,32 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
   }
 }
 
+// Guards against: a bunny covered with records whose gradients already know what its turning normals do.
+TEST(RenderExtrapolation, NormalsTurnFartherWhereVirtualLightsGaveTheRecord) {
+  constexpr float kA = 0.1f;
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  const float asked = search_reach(Interpolation::gradients, true) * kA;
+  RecordShapes shapes{RecordShaper(Interpolation::gradients, asked, bounds,
+                                   RadiusLimits::for_scene(bounds, 0.001f, 0.5f), 10),
+                      RecordDetails(1, 1)};
+  const std::uint32_t id = shapes.details.draft(0);
+  const glm::vec3 E(1.0f);
+  const float R = shapes.shaper.shape_of_vpls(1.0f, E, {}, shapes.details[id]);
+  const Record r{glm::vec3(0.0f), {0, 0, 1}, R, E, id};
+  const auto is_valid = [&](float distance, float turn) {  // |d| / R, and the root of 1 minus the cosine
+    const float cosine = 1.0f - turn * turn;
+    const SurfacePoint x{{0, distance, 0}, {std::sqrt(1.0f - cosine * cosine), 0, cosine}};
+    const float weight = split_sphere_weight(x, r, asked);
+    return weight > 0.0f && Extrapolator(shapes, x).of(r, weight).w > 0.0f;
+  };
+  EXPECT_TRUE(is_valid(0.99f * kA, 0.0f));
+  EXPECT_FALSE(is_valid(1.01f * kA, 0.0f)) << "places count as they do without";
+  EXPECT_TRUE(is_valid(0.0f, 2.99f * kA));
+  EXPECT_FALSE(is_valid(0.0f, 3.01f * kA));
+  EXPECT_TRUE(is_valid(0.49f * kA, 1.5f * kA));
+  EXPECT_FALSE(is_valid(0.51f * kA, 1.5f * kA));
+}
+
 // At each level of interpolation, through the simplest cache of all.
 class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> {
  protected:

@@ -86,7 +86,7 @@ class Film {
     witness = made.get();
     CachedPassSetup cached;
     cached.cache.bounds = rays.scene().bounds;
-    cached.cache.a = cached.cache.a_max = a;
+    cached.cache.a = cached.cache.a_max = search_reach(interpolation, true) * a;
     cached.cache.max_sessions = threads;
     cached.cache.capacity = capacity_for(4ull * primary.hits.size(), threads);
     pass = find_cache(cache).pass(cached, std::move(made), crew_);

@@ -219,6 +219,44 @@ TEST_F(Traces, ManyThreadsLeaveWhatTheyInserted) {
   }
 }
 
+TEST_F(Traces, AsCapturedAnyNumberOfThreadsLeavesTheRecordsOfTheRender) {
+  for (const unsigned captured : {1u, 3u}) {
+    render_.capture(path_, captured);
+    const TracePlan plan(read_trace(path_), 0.0, true);
+    for (const CacheEntry& cache : all_caches()) {
+      if (cache.traits.consistency == Consistency::none) continue;
+      for (const unsigned threads : {1u, 2u, 8u}) {
+        if (cache.traits.single_thread && threads > 1) continue;
+        SCOPED_TRACE(fmt::format("{}, {} threads, captured from {}", cache.traits.name, threads, captured));
+        const TrialOutcome out = bench_(cache.trace, plan, threads);
+        EXPECT_EQ(out.error, "");
+        EXPECT_TRUE(out.same_records);
+        EXPECT_EQ(out.stand_ins, 0u);
+      }
+    }
+  }
+}
+
+TEST_F(Traces, RecordsThatTwoThreadsMadeAtOnceAreMadeTwiceAsCapturedOnly) {
+  const SurfacePoint x{{0.5f, 0.5f, 0.0f}, {0, 0, 1}};
+  TraceEncoder encoder(4);
+  encoder.begin_tile();
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    TracedRecord r;
+    r.record = {x.p, x.n, 0.1f, glm::vec3(1.0f), i};
+    r.result = InsertResult::inserted;
+    encoder.query(x, false);
+    encoder.record(r);
+  }
+  write_tile(path_, encoder, 2, 2, render_.context(1));
+  const auto inserted = [&](bool as_captured) {
+    const TracePlan plan(read_trace(path_), 0.0, as_captured);
+    return bench_(find_cache("packed_wait_free").trace, plan, 1).counts.inserted;
+  };
+  EXPECT_EQ(inserted(false), 1u);
+  EXPECT_EQ(inserted(true), 2u);
+}
+
 TEST_F(Traces, WhatCachesDoWrongIsFoundOut) {
   render_.capture(path_, 1);
   const TracePlan plan(read_trace(path_), 0.0);

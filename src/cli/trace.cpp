@@ -174,6 +174,7 @@ struct ReplayOptions {
   std::string file, caches = "packed_wait_free", placement = "compact", json;
   std::vector<unsigned> threads;
   double scale = 1.0;
+  bool as_captured = false;
   unsigned repetitions = 3;
   std::uint64_t seed = 1;
   std::uint32_t latency_every = 16;
@@ -189,7 +190,7 @@ double parse_scale(const std::string& text) {
 
 SweepRequest request_of(const ReplayOptions& o, const Topology& topology) {
   SweepRequest request;
-  request.workloads.push_back(trace_workload(o.file, o.scale));
+  request.workloads.push_back(trace_workload(o.file, o.scale, o.as_captured));
   if (o.caches == "all") {
     for (const CacheEntry& e : all_caches())
       if (e.traits.name != "brute_force") request.caches.emplace_back(e.traits.name);
@@ -304,6 +305,9 @@ void add_replay(CLI::App& trace) {
           "Times the time that records took: 1 as in the render, 0 none")
       ->type_name("X")
       ->default_str("1");
+  replay->add_flag("--as-captured", o->as_captured,
+                   "Make records where the render made them, and nowhere else,\nwhatever queries answer: leaves the "
+                   "render's records with any\nnumber of threads");
   add_whole(replay, "--repetitions", o->repetitions, 1u, 100'000u, "Repetitions; medians are printed");
   add_whole(replay, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
             "Of the order of caches, and of which operations are timed");

@@ -112,9 +112,9 @@ float RecordShaper::radius(const glm::vec3& p, float mean, const Irradiance& E,
 
 float RecordShaper::shape_of_vpls(float R, const Irradiance& E, const IrradianceGradients& gradients,
                                   RecordDetail& detail) const noexcept {
-  detail.R = limits_.clamp(std::min(R, change_length(E, gradients)));
+  detail.R = limits_.clamp(std::min(R, change_length(E, gradients)) / kTurnOfVpls);
   detail.gradients = gradients;
-  restrain(detail.gradients, E, detail.R);
+  restrain(detail.gradients, E, kTurnOfVpls * detail.R);
   return detail.R;
 }
 

@@ -29,6 +29,12 @@
 // normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
+//
+// Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
+// split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
+// the error that is left grows with the square of the turn. On what is curved, as a bunny, that takes a third of the
+// records or more away, and in 512 x 384 pixels nothing more of it is seen (bench/MEASURED.md). Since |d| / R + turn / k
+// < a is |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
 #pragma once
 
 #include <algorithm>
@@ -95,9 +101,14 @@ constexpr bool is_elliptic(Interpolation level) noexcept { return level >= Inter
 /// such gradients, and the least radius would let them show.
 void restrain(IrradianceGradients& gradients, const Irradiance& E, float R) noexcept;
 
+/// How many times as far as by the split-sphere error normals may turn: records of virtual point lights that are
+/// extrapolated.
+inline constexpr float kTurnOfVpls = 3.0f;
+
 /// By how much the accuracy with which a cache is asked is coarser than a: so that a new record finds its neighbours,
-/// or that normals may turn farther than a alone allows.
-constexpr float search_reach(Interpolation level) noexcept {
+/// or that normals may turn farther than a alone allows. `of_vpls`: of a cache whose records these give.
+constexpr float search_reach(Interpolation level, bool of_vpls = false) noexcept {
+  if (of_vpls && extrapolates(level)) return kTurnOfVpls;
   return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f : 1.0f;
 }
 
@@ -175,7 +186,7 @@ class RecordShaper {
   void look_from(const Camera& camera) noexcept;
 
   /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R,
-  /// metres: no limits on the screen.
+  /// metres, to be asked for with accuracy kTurnOfVpls a: no limits on the screen.
   float shape_of_vpls(float R, const Irradiance& E, const IrradianceGradients& gradients,
                       RecordDetail& detail) const noexcept;
 

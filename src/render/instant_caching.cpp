@@ -27,7 +27,7 @@ InstantCachingSource::InstantCachingSource(const PassSetup& s)
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       names_(s.rays.scene(), s.width, s.height),
-      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr) {}
+      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes_of_vpls(s)) : nullptr) {}
 
 RecordsThen InstantCachingSource::begin_frame(const SceneChange&, Crew& crew) {
   retrace_all(vpls_, crew);

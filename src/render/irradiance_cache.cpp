@@ -6,11 +6,23 @@
 
 namespace icbench {
 
-RecordShapes make_shapes(const PassSetup& s) {
-  const Bounds& bounds = s.rays.scene().bounds;
+namespace {
+
+RecordShapes make_shapes(const PassSetup& s, float a, const RadiusLimits& limits) {
   const auto pixels = static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height);
-  return {RecordShaper(s.interpolation, s.a, bounds, radius_limits(bounds), s.height),
+  return {RecordShaper(s.interpolation, a, s.rays.scene().bounds, limits, s.height),
           RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size(), s.leak_guard)};
+}
+
+}  // namespace
+
+RecordShapes make_shapes(const PassSetup& s) { return make_shapes(s, s.a, radius_limits(s.rays.scene().bounds)); }
+
+RecordShapes make_shapes_of_vpls(const PassSetup& s) {
+  const RadiusLimits limits =
+      RadiusLimits::for_scene(s.rays.scene().bounds, kMinRadiusOfDiagonal / kTurnOfVpls,
+                              kMaxRadiusOfDiagonal / kTurnOfVpls);
+  return make_shapes(s, kTurnOfVpls * s.a, limits);
 }
 
 namespace {

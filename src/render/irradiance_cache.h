@@ -65,6 +65,9 @@ class HemisphereSource final : public RecordSource {
 
 /// For the records of a pass at its level of interpolation.
 RecordShapes make_shapes(const PassSetup& setup);
+/// For those of virtual point lights, as their cache is asked for them (search_reach): with radii over kTurnOfVpls and an
+/// accuracy times that.
+RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
 /// The same at the other levels of interpolation: with gradients, and radii as the level says; at all of them with a
 /// guard against leaks, if asked for. Ids are those of RecordDetails where records are extrapolated or guarded, else of

@@ -59,7 +59,7 @@ TemporalSource::TemporalSource(const PassSetup& s)
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       table_(capacity_of(s), s.crew.size()),
-      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes(s)) : nullptr),
+      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes_of_vpls(s)) : nullptr),
       workers_(s.crew.size()) {}
 
 RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {

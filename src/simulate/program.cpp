@@ -67,8 +67,9 @@ class TraceProgram final : public SimulatedProgram {
     const bool was_hit = plan_.is_stand_in(i);
     SimulatedOperation out;
     out.query = &trace.points[i];
+    out.refuses_answer = plan_.makes_a_record(i, true);
+    if (!plan_.makes_a_record(i, false)) return out;
     out.work_ns = static_cast<double>(work_[plan_.origin(i)]);
-    out.refuses_answer = !was_hit && (origin.flags & TracedRecord::kRefusedAnswer) != 0;
     out.asks_neighbours = (origin.flags & TracedRecord::kAskedNeighbours) != 0;
     out.inserts = was_hit || origin.result == InsertResult::inserted;
     return out;

@@ -81,7 +81,7 @@ Simulation::PlanData& Simulation::plan(std::size_t workload) {
   auto made = std::make_unique<PlanData>();
   made->workload = workload;
   if (spec.kind == WorkloadKind::trace) {
-    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale);
+    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale, spec.as_captured);
   } else {
     made->synthetic = std::make_unique<SyntheticPlan>(spec, RayTracer(make_scene(spec.scene)), request_.seed);
   }
@@ -95,7 +95,7 @@ CalibratedPlan Simulation::plan_without_work(std::size_t workload) {
   CalibratedPlan out{nullptr, nullptr, workload_keys_[workload]};
   if (spec.kind == WorkloadKind::trace) {
     if (data.trace_without_work == nullptr)
-      data.trace_without_work = std::make_unique<TracePlan>(read_trace(spec.file), 0.0);
+      data.trace_without_work = std::make_unique<TracePlan>(read_trace(spec.file), 0.0, spec.as_captured);
     out.trace = data.trace_without_work.get();
   } else if (spec.kind == WorkloadKind::miss_driven) {
     if (data.synthetic_without_work == nullptr) {

@@ -38,7 +38,7 @@ CacheConfig cache_config(const FrameRequest& r, unsigned threads) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
   CacheConfig config;
   config.bounds = r.rays.scene().bounds;
-  config.a_max = config.a = search_reach(r.interpolation) * r.a;
+  config.a_max = config.a = search_reach(r.interpolation, r.integrator.uses_vpls) * r.a;
   config.max_sessions = threads;
   config.capacity = capacity_for(2 * pixels + r.records.size(), threads);
   return config;

@@ -120,6 +120,8 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     known.push_back({"file", [](WorkloadSpec& spec, std::string_view value) { spec.file = value; },
                      [](const WorkloadSpec& spec) { return spec.file; }});
     add_number("scale", 0, kMostScale, false, &WorkloadSpec::scale);
+    known.push_back(
+        named(text, "records", &WorkloadSpec::as_captured, {{"as_missed", false}, {"as_captured", true}}));
     return known;
   }
   known.push_back(named(text, "order", &WorkloadSpec::order,
@@ -192,11 +194,12 @@ std::string_view to_string(WorkloadKind kind) noexcept {
   return "unknown";
 }
 
-WorkloadSpec trace_workload(const std::string& file, double scale) {
+WorkloadSpec trace_workload(const std::string& file, double scale, bool as_captured) {
   WorkloadSpec spec = base_spec(kTrace);
   spec.file = file;
   spec.scale = scale;
-  spec.name = fmt::format("{}:file={}:scale={}", kTrace, file, scale);
+  spec.as_captured = as_captured;
+  spec.name = fmt::format("{}:file={}:scale={}{}", kTrace, file, scale, as_captured ? ":records=as_captured" : "");
   return spec;
 }
 

@@ -52,7 +52,8 @@ struct WorkloadSpec {
 
   // Of a trace.
   std::string file;
-  double scale = 1.0;  ///< of the time its records took; 0: none
+  double scale = 1.0;        ///< of the time its records took; 0: none
+  bool as_captured = false;  ///< records are made where the render made them, whatever queries answer
 
   bool uses_cache() const noexcept { return !path; }
 
@@ -69,7 +70,7 @@ struct WorkloadSpec {
 };
 
 /// The replay of a trace, whatever its path contains: a name for results.
-WorkloadSpec trace_workload(const std::string& file, double scale);
+WorkloadSpec trace_workload(const std::string& file, double scale, bool as_captured);
 
 /// Parses one workload. Throws std::runtime_error with one line that names what is wrong and what is known.
 WorkloadSpec parse_workload(std::string_view text);

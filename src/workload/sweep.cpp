@@ -194,7 +194,7 @@ Sweep::PlanData& Sweep::plan(std::size_t workload) {
   auto made = std::make_unique<PlanData>();
   made->workload = workload;
   if (spec.kind == WorkloadKind::trace) {
-    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale);
+    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale, spec.as_captured);
   } else if (spec.kind == WorkloadKind::ray_traced) {
     const ViewData& data = view(spec);
     made->ray_traced = std::make_unique<RayTracedPlan>(spec, tracer(spec.scene), data.primary, data.reference,

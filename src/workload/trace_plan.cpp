@@ -17,8 +17,8 @@ using PlanCache = Direct<Packed<PlainSync>, NoCounters>;
 
 }  // namespace
 
-TracePlan::TracePlan(Trace trace, double scale)
-    : trace_(std::move(trace)), scale_(scale), origins_(trace_.points.size()) {
+TracePlan::TracePlan(Trace trace, double scale, bool as_captured)
+    : trace_(std::move(trace)), scale_(scale), as_captured_(as_captured), origins_(trace_.points.size()) {
   for (std::uint32_t f = 0; f < trace_.frames.size(); ++f) {
     if (f != 0 && trace_.frames[f].start == FrameStart::stay) {
       ++epochs_.back().end;

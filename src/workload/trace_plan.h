@@ -19,9 +19,10 @@ namespace icbench {
 
 class TracePlan {
  public:
-  /// `scale`: of the records' costs; 1 as they were, 0 none. Throws std::runtime_error with one line if the trace
-  /// contradicts itself: a query was answered where no record is valid.
-  TracePlan(Trace trace, double scale);
+  /// `scale`: of the records' costs; 1 as they were, 0 none. `as_captured`: records are made where the render made them,
+  /// and nowhere else, whatever queries answer. Throws std::runtime_error with one line if the trace contradicts itself:
+  /// a query was answered where no record is valid.
+  TracePlan(Trace trace, double scale, bool as_captured = false);
 
   const Trace& trace() const noexcept { return trace_; }
   double scale() const noexcept { return scale_; }
@@ -29,7 +30,15 @@ class TracePlan {
   /// Index into the trace's records of what `operation` made, or would have cost.
   std::uint32_t origin(std::uint32_t operation) const noexcept { return origins_[operation] & ~kStandIn; }
   bool is_stand_in(std::uint32_t operation) const noexcept { return (origins_[operation] & kStandIn) != 0; }
-  /// What it inserts if it misses.
+  /// Whether it computes a record, though valid records are there or not: in the render the renderer refused these, or
+  /// another thread was as late.
+  bool makes_a_record(std::uint32_t operation, bool is_answered) const noexcept {
+    if (as_captured_) return !is_stand_in(operation);
+    return !is_answered ||
+           (!is_stand_in(operation) &&
+            (trace_.records[origin(operation)].flags & TracedRecord::kRefusedAnswer) != 0);
+  }
+  /// What it inserts then.
   Record record(std::uint32_t operation) const noexcept;
 
   /// Work for each of the trace's records.
@@ -56,6 +65,7 @@ class TracePlan {
 
   Trace trace_;
   double scale_;
+  bool as_captured_;
   std::vector<Trace::Range> epochs_;
   std::vector<std::uint32_t> origins_;  // by operation; kStandIn: it was answered
 };

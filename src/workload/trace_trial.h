@@ -3,7 +3,9 @@
 // What the renderer did between an answer and the next query (materials, the picture) is not in the trace.
 //
 // On one thread, a trace that was captured from one leaves the same records, bit for bit, with every cache that keeps
-// its promise: whether a query is answered depends on which records are there and valid, and on nothing else. Queries
+// its promise: whether a query is answered depends on which records are there and valid, and on nothing else. Replayed
+// as captured, any trace does, on any number of threads: a trace from several has records that two threads made at
+// once, of which one thread that goes by its own answers makes the first alone. Queries
 // whose valid records the renderer refused (elliptic records, the guard against leaks) miss as they did there; records
 // that the cache refused there are worked for and not offered.
 #pragma once
@@ -48,12 +50,12 @@ void replay_tile(Session& session, const TracePlan& plan, const Trace::Tile& til
     ++out.queries;
     const SurfacePoint x = trace.points[i];  // at hand before anything is timed
     const auto E = out.sampler.run(out.query_ticks, session, [&] { return session.query(x); });
-    const TracedRecord& origin = trace.records[plan.origin(i)];
-    const bool was_hit = plan.is_stand_in(i);
-    if (E && (was_hit || (origin.flags & TracedRecord::kRefusedAnswer) == 0)) {
-      out.sum += E->x;
+    if (!plan.makes_a_record(i, E.has_value())) {
+      if (E) out.sum += E->x;
       continue;
     }
+    const TracedRecord& origin = trace.records[plan.origin(i)];
+    const bool was_hit = plan.is_stand_in(i);
     out.work = do_work(work_units[plan.origin(i)], out.work);
     if ((origin.flags & TracedRecord::kAskedNeighbours) != 0)
       session.visit(x, RecordCallback{[](void*, const Record&, float) noexcept {}, nullptr});
