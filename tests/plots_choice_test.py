@@ -20,6 +20,7 @@ import interactive
 import results
 import scalability
 import scaling_law
+import simulated
 import tables
 from figure import Omitted
 
@@ -210,15 +211,40 @@ class Choice(InFolder):
         simulated["validated_to_threads"] = 8
         setup.simulated = simulated
         made = choice.choice(setup)
-        self.assertEqual((made.threads, made.validated_to), ([1, 2, 4, 8, 256], 8))
+        self.assertEqual(made.threads, [1, 2, 4, 8, 256])
         found = choice.answer(made, mechanisms, 16, 256, None)
         self.assertEqual(found.certainty, "simulated")
-        self.assertEqual(choice_page.how_sure(found.certainty, made.validated_to),
-                         "simulated, validated to 8 threads on this machine")
+        self.assertEqual(choice_page.how_sure(found), "simulated, validated to 8 threads on this machine")
         # What was measured is answered by what was measured.
         self.assertEqual(choice.answer(made, mechanisms, 16, 8, None).certainty, "measured")
         page = choice_page.section(setup, "")
         self.assertIn("simulated, validated to 8 threads on this machine", page)
+
+    def test_an_answer_is_as_far_validated_as_the_least_that_it_draws_on(self):
+        measured = self.results(workloads=("miss_driven:cost=1", "miss_driven:cost=64"), threads=(1, 8))
+        data = model_simulated((1, 256), 8, workloads=("miss_driven:cost=1", "miss_driven:cost=64"))
+        for row in data["benchmarks"]:
+            if (row["cache"], row["workload"]) == ("packed_shared_mutex", "miss_driven:cost=64"):
+                row["validated_to_threads"] = 2
+        for missing, host, words in (("", "model", "validated to 2 threads on this machine"),
+                                     ("", "elsewhere", "validated to 2 threads on elsewhere"),
+                                     ("packed_local_write", "model", "not validated")):
+            changed = json.loads(json.dumps(data))
+            changed["context"]["calibration"]["host_name"] = host
+            for row in changed["benchmarks"]:
+                if (row["cache"], row["workload"]) == (missing, "miss_driven:cost=64"):
+                    del row["validated_to_threads"]
+            setup, = results.load([measured, write_results(self.folder / "s.json", changed)])
+            made = choice.choice(setup)
+            mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+            # The figure of the file, and every answer that draws on the cell, say the same.
+            one, = simulated.load(setup.simulated_paths)
+            self.assertEqual(one.said, f"simulated, {words}")
+            for cost in (64, 30, 1000):
+                self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, cost, 256, None)), one.said)
+            # At the other cost everything was validated.
+            self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, 1, 256, None)),
+                             f"simulated, validated to 8 threads on {'this machine' if host == 'model' else host}")
 
     def test_simulated_rows_are_kept_apart_from_measured_ones(self):
         measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
@@ -233,9 +259,9 @@ class Choice(InFolder):
         self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
         self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
         made = choice.choice(setup)
-        self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
+        self.assertEqual(made.threads, [1, 8, 256])
         found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
-        self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
+        self.assertEqual((found.certainty, found.repetitions, found.validated_to), ("simulated", 1, 8))
         # It has no scatter, and so no interval: what it is held to stands for that.
         self.assertTrue(math.isnan(found.lines[-1].ratio[1]))
         self.assertEqual([line for line in found.lines[1:] if line.ratio[0] <= 1.1], found.tied)
@@ -285,7 +311,8 @@ class Choice(InFolder):
             for threads in made.threads:
                 found = choice.answer(made, mechanisms, x, threads, made.accuracies[0])
                 key = f"{at} {threads}" + (f" {made.accuracies[0]:g}" if found.rendered else "")
-                certainty, way, _, rendered, lines = data["answers"][key]
+                _, sure, way, _, rendered, lines = data["answers"][key]
+                self.assertEqual(data["sures"][sure], choice_page.how_sure(found))
                 self.assertEqual(data["ways"][way], found.how)
                 self.assertEqual(data["caches"][lines[0][1]], found.lines[0].cache)
                 self.assertEqual(rendered, found.rendered)
