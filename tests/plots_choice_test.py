@@ -17,10 +17,13 @@ import comparison
 import comparison_page
 import explorer
 import interactive
+import machine_differences
+import machine_throughput
 import results
 import scalability
 import scaling_law
 import simulated
+import style
 import tables
 from figure import Omitted
 
@@ -393,6 +396,51 @@ class Comparison(InFolder):
                           ("other over model", False)])
         self.assertIn(("host_name", "model", "other"), found[2].differing)
         self.assertIn("Two machines", comparison_page.section(found[2], ""))
+
+    def test_a_change_on_several_machines_has_a_panel_a_machine_and_no_mean_over_them(self):
+        paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"),
+                 self.file("c", host_name="other", cores=2), self.file("d", host_name="other", cores=2,
+                                                                       commit="fedcba9876543210")]
+        setups = results.load(paths)
+        found = comparison.comparisons(setups)
+        change, = comparison.same_changes(found)
+        self.assertEqual(change.label, "commit fedcba987654 over commit 0123456789ab on 2 machines")
+        built = machine_differences.build(change)
+        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates],
+                         [["model, 8 threads", "other, 2 threads"]] * 3)
+        first, second = (one.cells[one.cells["metric"] == "items_per_second"] for one in change.parts)
+        for name, cells in (("model", first), ("other", second)):
+            mine = built.table[built.table["machine"] == name]
+            self.assertEqual(list(mine["ratio"]), list(cells["ratio"]))
+        # The dots of a panel are those of its machine alone.
+        for panel, one in zip(built.plates[0].panels, change.parts):
+            axes = style.matplotlib.figure.Figure().add_axes([0, 0, 1, 1])
+            panel.draw(axes, style.kReport)
+            threads = comparison.full_threads(one)
+            known = one.overall[(one.overall["metric"] == "items_per_second") & (one.overall["threads"] == threads)]
+            dots = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
+            self.assertEqual(sorted(dots), sorted(known["ratio"]))
+        # Another change on the second machine is no change of both.
+        other = self.file("e", host_name="other", commit="1" * 16)
+        self.assertEqual(comparison.same_changes(comparison.comparisons(results.load([*paths[:3], other]))), [])
+        alone = run("machine_differences.py", *paths[:2])
+        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
+
+    def test_a_version_on_several_machines_has_a_panel_a_machine(self):
+        paths = [self.file("a"), self.file("b", commit="fedcba9876543210"), self.file("c", host_name="other"),
+                 self.file("d", host_name="other", compiler="another"), self.file("e", host_name="third", commit=None)]
+        version, = comparison.one_versions(results.load(paths))
+        self.assertEqual(version.label, "commit 0123456789ab on 2 machines")
+        built = machine_throughput.build(version)
+        names = ["model", "other, compiler GNU 12.2.0", "other, compiler another"]
+        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates], [names] * 2)
+        self.assertIn("the builds of this version differ in compiler", built.notes)
+        for name, setup in zip(names, version.setups):
+            medians = setup.rows.groupby(["panel", "cache", "threads"])["items_per_second"].median()
+            mine = built.table[built.table["machine"] == name].set_index(["panel", "cache", "threads"])["median"]
+            self.assertEqual(mine.to_dict(), medians.to_dict())
+        alone = run("machine_throughput.py", *paths[:2])
+        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
 
     def test_cells_of_one_run_alone_are_counted(self):
         data = json.loads(self.file("b", True, commit="fedcba9876543210").read_text())

@@ -74,6 +74,8 @@ class Report(InFolder):
         self.assertIn("nothing is merged", page)
         self.assertIn('class="banner">Incomplete results (other)', page)
         self.assertIn("<code>figures/other/throughput.pdf</code>", page)
+        self.assertIn("One version on each machine: commit 0123456789ab on 2 machines</h3>", page)
+        self.assertIn("<code>figures/version-1/machine_throughput.pdf</code>", page)
 
     def simulated(self, page: str):
         """One machine alone has the part, and no figure of measurements has its rows."""
