@@ -90,9 +90,9 @@
     }
 
     answer(at, n, accuracy, error) {
-      const found = this.found(at, n, accuracy), {kinds, caches, ways, certainties} = this.data;
+      const found = this.found(at, n, accuracy), {kinds, caches, ways, sures} = this.data;
       if (!found) return [this.note(`Nothing was measured for ${this.amount(at)} on ${cores(n)}.`)];
-      const [certainty, way, repetitions, rendered, lines] = found;
+      const [certainty, certain, way, repetitions, rendered, lines] = found;
       const best = lines[0], rest = lines.slice(1);
       const trifle = this.data.negligible[certainty];
       const least = (line) => certainty === this.data.simulated ? line[3] ?? line[2] : line[3];
@@ -114,7 +114,7 @@
         said.push(`${capital(kinds[next[0]])} would take ${interval(next[2], next[3], next[4])} times as long`);
         said.push(last === next ? ". " : `, ${kinds[last[0]]} ${interval(last[2], last[3], last[4])} times. `);
       }
-      const sure = [make("b", {className: `sure sure-${certainty}`}, certainties[certainty]), `: ${ways[way]}`];
+      const sure = [make("b", {className: `sure sure-${certainty}`}, sures[certain]), `: ${ways[way]}`];
       if (repetitions) sure.push(`; ${repetitions} repetition${repetitions === 1 ? "" : "s"}`);
       if (repetitions && repetitions < 3) sure.push(", so no interval");
       else if (repetitions && repetitions < this.data.few) sure.push(", so few that intervals cover less than 95 %");

@@ -59,8 +59,9 @@ class Plane:
     times: dict[float, pd.DataFrame]    # by x: a line a repetition (or refit), a column a cache
     redundant: dict[float, pd.Series]   # by x: share of records made twice, by cache
     about: str
-    validated_to: int = 0        # threads; of simulated ones
     refits: bool = False         # lines are refits: their scatter is the uncertainty itself
+    validated_to: dict[float, pd.Series] = field(default_factory=dict)  # by x: threads by cache; of simulated ones
+    place: str = ""              # where those were validated
 
 
 @dataclass
@@ -81,6 +82,8 @@ class Answer:
     rendered: bool
     lines: list[Line]           # fastest first
     repetitions: int
+    validated_to: int           # threads, where simulated: the least over all times that were looked at
+    place: str
 
     @property
     def tied(self) -> list[Line]:
@@ -112,7 +115,6 @@ class Choice:
     planes: list[Plane]
     errors: pd.DataFrame        # rays, accuracy, median, low, high
     scene: str
-    validated_to: int
     notes: list[str] = field(default_factory=list)
 
     def microseconds(self, x: float) -> float:
@@ -186,9 +188,13 @@ def _by_cost(rows: pd.DataFrame) -> pd.DataFrame:
 def _miss_driven(rows: pd.DataFrame, certainty: str) -> list[Plane]:
     made = []
     for threads, part in rows.groupby("threads"):
-        validated = part["validated_to_threads"].max() if "validated_to_threads" in part else 0
-        made.append(Plane(certainty, False, int(threads), math.nan, *_tables(part, "record_cost_us", "took"),
-                          "points that miss", int(validated) if validated > 0 else 0))
+        plane = Plane(certainty, False, int(threads), math.nan, *_tables(part, "record_cost_us", "took"),
+                      "points that miss")
+        if certainty == kSimulated:
+            known = part.fillna({"validated_to_threads": 0}).groupby("record_cost_us")
+            plane.validated_to = {float(x): at.groupby("cache")["validated_to_threads"].min() for x, at in known}
+            plane.place = " and ".join(sorted(part["calibrated_on"].unique()))
+        made.append(plane)
     return made
 
 
@@ -240,17 +246,13 @@ def choice(setup: Setup) -> Choice:
     rows = cache_rows(setup)
     # Two hardware threads of one core are no two cores.
     rows = rows[~rows["oversubscribed"] & (rows["threads"] <= (setup.cores or math.inf))]
-    simulated = getattr(setup, "simulated", pd.DataFrame())
     rendered, scene = _rendered(rows)
     missed = _by_cost(rows)
     planes = rendered + _miss_driven(missed, kMeasured)
     measured = max((p.threads for p in planes), default=0)
-    imagined = _by_cost(simulated) if len(simulated) else pd.DataFrame()
-    validated = 0
+    imagined = _by_cost(setup.simulated) if len(setup.simulated) else pd.DataFrame()
     if len(imagined):
-        made = [p for p in _miss_driven(imagined, kSimulated) if p.threads > measured]
-        validated = max((p.validated_to for p in made), default=0)
-        planes += made + [p for p in _miss_driven(imagined, kSimulated) if p.threads == 1][:1]
+        planes += [p for p in _miss_driven(imagined, kSimulated) if p.threads > measured or p.threads == 1]
     if not any(p.certainty == kSimulated and p.threads > 1 for p in planes) and len(missed):
         planes += _by_law(missed)
     if not planes:
@@ -260,7 +262,7 @@ def choice(setup: Setup) -> Choice:
     errors = _errors(rows)
     in_rays = bool(rendered) and (math.isfinite(each[0]) or not len(missed))
     threads = sorted({p.threads for p in planes if not (p.certainty == kSimulated and p.threads <= measured)})
-    made = Choice(in_rays, kRays if in_rays else kMicroseconds, each, threads, planes, errors, scene, validated)
+    made = Choice(in_rays, kRays if in_rays else kMicroseconds, each, threads, planes, errors, scene)
     if in_rays and not math.isfinite(each[0]):
         made.notes.append("one number of rays alone was rendered, so what a ray costs is not known")
     if not in_rays:
@@ -292,17 +294,22 @@ def errors_at(made: Choice, rays: float) -> list[Errors]:
     return sorted(found, key=lambda e: -e.accuracy)
 
 
+def _knots(plane: Plane, x: float) -> list[float]:
+    """The x that were measured which answer for this one: itself, its neighbours, or the nearest."""
+    knots = sorted(plane.times)
+    nearest = min(knots, key=lambda k: abs(k - x))
+    below, above = [k for k in knots if k < x], [k for k in knots if k > x]
+    return [nearest] if abs(nearest - x) <= 1e-9 * max(1.0, x) or not below or not above else [below[-1], above[0]]
+
+
 def _at(plane: Plane, x: float) -> tuple[pd.DataFrame, pd.Series, str, bool]:
     """Times and redundant shares at x, where they are from, and whether x lies within what was measured."""
-    knots = sorted(plane.times)
     unit = "rays" if plane.rendered else "µs a record"
-    nearest = min(knots, key=lambda k: abs(k - x))
-    if abs(nearest - x) <= 1e-9 * max(1.0, x):
-        return plane.times[nearest], plane.redundant[nearest], f"{nearest:g} {unit}", True
-    below, above = [k for k in knots if k < x], [k for k in knots if k > x]
-    if not below or not above:
-        return plane.times[nearest], plane.redundant[nearest], f"{nearest:g} {unit}, the nearest", False
-    low, high = below[-1], above[0]
+    low, *rest = _knots(plane, x)
+    if not rest:
+        inside = abs(low - x) <= 1e-9 * max(1.0, x)
+        return plane.times[low], plane.redundant[low], f"{low:g} {unit}{'' if inside else ', the nearest'}", inside
+    high, = rest
     share = (x - low) / (high - low)
     first, second = plane.times[low].align(plane.times[high], join="inner")
     few, many = plane.redundant[low].align(plane.redundant[high], join="inner")
@@ -325,12 +332,18 @@ def _intervals(samples: np.ndarray, refits: bool) -> list[tuple[float, float, fl
     return made
 
 
-def _base(made: Choice, plane: Plane, x: float) -> pd.DataFrame | None:
-    """The times of one thread in the same circumstances."""
+def _base(made: Choice, plane: Plane) -> Plane | None:
+    """That of one thread in the same circumstances."""
     certainty = kSimulated if plane.certainty == kSimulated else kMeasured
-    return next((_at(p, x)[0] for p in made.planes if p.threads == 1 and p.rendered == plane.rendered
+    return next((p for p in made.planes if p.threads == 1 and p.rendered == plane.rendered
                  and p.certainty == certainty
                  and (p.accuracy == plane.accuracy or not plane.rendered)), None)
+
+
+def _validated_to(plane: Plane, x: float, caches) -> int:
+    """The least that any of these caches was validated to at what answers for x; 0 too where that is not said."""
+    known = [plane.validated_to[k].reindex(caches).fillna(0).min() for k in _knots(plane, x) if k in plane.validated_to]
+    return int(min(known, default=0))
 
 
 def evidence(made: Choice, x: float, threads: int, accuracy: float | None) -> tuple[Plane, float] | None:
@@ -366,10 +379,13 @@ def answer(made: Choice, mechanisms: dict[str, str], x: float, threads: int, acc
     best = times[caches[0]]
     ratios = _intervals((times[caches].div(best, axis=0)).to_numpy().T, plane.refits)
     losses = [(math.nan, math.nan, math.nan)] * len(caches)
-    alone = _base(made, plane, where)
-    ones = pd.Series(dtype=float) if alone is None else alone.median().dropna()
+    base = _base(made, plane)
+    alone = pd.DataFrame() if base is None else _at(base, where)[0]
+    ones = alone.median().dropna()
+    validated_to = _validated_to(plane, where, medians.index)
     if len(ones):  # between settings of different files there are no pairs, and so no times
         single = alone[ones.idxmin()]
+        validated_to = min(validated_to, _validated_to(base, where, [ones.idxmin()]))
         if plane.refits:
             share = 1 - single.median() / (threads * times[caches])
         else:
@@ -382,4 +398,4 @@ def answer(made: Choice, mechanisms: dict[str, str], x: float, threads: int, acc
     if not inside and certainty == kMeasured:
         certainty = kExtrapolated
     return Answer(certainty, f"{plane.about}, {place}", plane.rendered, lines,
-                  0 if plane.refits else int(times[caches[0]].notna().sum()))
+                  0 if plane.refits else int(times[caches[0]].notna().sum()), validated_to, plane.place)

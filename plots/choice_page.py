@@ -4,6 +4,7 @@ from __future__ import annotations
 import math
 
 import interactive
+import simulated
 import style
 from choice import (Answer, Choice, answer, choice, errors_at, evidence, kExtrapolated, kMeasured, kNegligible,
                     kSimulated, tails)
@@ -20,19 +21,17 @@ kFewRepetitions = 6  # below it a bootstrap interval reaches no further than the
 kTitle = "Which scheme to use"
 
 
-def how_sure(certainty: str, validated_to: int) -> str:
+def how_sure(found: Answer) -> str:
     """The certainty in words, never without what it is worth."""
-    if certainty == kSimulated:
-        return (f"simulated, validated to {style.threads_text(validated_to)} on this machine" if validated_to
-                else "simulated, not validated on this machine")
-    return {kMeasured: "measured", kExtrapolated: "extrapolated, not measured"}[certainty]
+    if found.certainty == kSimulated:
+        return simulated.in_words(found.validated_to, found.place)
+    return {kMeasured: "measured", kExtrapolated: "extrapolated, not measured"}[found.certainty]
 
 
 def _mechanisms(setup: Setup) -> dict[str, str]:
     made = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
-    simulated = getattr(setup, "simulated", None)
-    if simulated is not None and len(simulated):
-        made |= dict(zip(simulated["cache"], simulated["mechanism"]))
+    if len(setup.simulated):
+        made |= dict(zip(setup.simulated["cache"], setup.simulated["mechanism"]))
     return made
 
 
@@ -60,6 +59,7 @@ def collected(setup: Setup, made: Choice) -> dict:
     structures = dict(zip(setup.rows["cache"], setup.rows["structure"].str.replace("_", " ")))
     kinds: dict[str, int] = {}
     caches: dict[str, int] = {}
+    sures: dict[str, int] = {}
     ways: dict[str, int] = {}
     answers: dict[str, list] = {}
 
@@ -75,8 +75,8 @@ def collected(setup: Setup, made: Choice) -> dict:
                     continue
                 lines = [[number(kinds, one.kind), number(caches, one.cache), *_three(one.ratio), *_three(one.loss),
                           interactive.short(one.redundant), interactive.short(one.time)] for one in found.lines]
-                answers[key] = [kCertainties.index(found.certainty), number(ways, found.how), found.repetitions,
-                                int(found.rendered), lines]
+                answers[key] = [kCertainties.index(found.certainty), number(sures, how_sure(found)),
+                                number(ways, found.how), found.repetitions, int(found.rendered), lines]
     errors = [[[e.accuracy, *_three(e.relmse), int(e.measured)] for e in errors_at(made, x)] if made.in_rays else []
               for x in made.x]
     threads, known = tails(setup)
@@ -86,7 +86,7 @@ def collected(setup: Setup, made: Choice) -> dict:
             "kinds": list(kinds), "caches": list(caches), "structures": [structures.get(c, "") for c in caches],
             "ways": list(ways), "scene": made.scene, "negligible": [kNegligible[c] for c in kCertainties],
             "simulated": kCertainties.index(kSimulated),
-            "certainties": [how_sure(c, made.validated_to) for c in kCertainties], "few": kFewRepetitions,
+            "sures": list(sures), "few": kFewRepetitions,
             "machine": setup.label, "cores": setup.cores, "path": _path(setup, made),
             "tailThreads": threads, "tails": [interactive.short(known.get(c)) for c in caches]}
 
@@ -119,10 +119,9 @@ def _cell(made: Choice, found: Answer | None) -> str:
         words.append(f"sharing loses {_share(first.loss)}")
     if rest:
         words.append(f"next, {rest[0].kind}: {style.interval(*rest[0].ratio, '×')}")
-    sure = how_sure(found.certainty, made.validated_to)
     return (f'<td class="sure-{found.certainty}"><b>{text(first.kind)}</b>{text(also)}'
             f'<span class="under wrap">{text(first.cache)}; {text("; ".join(words))}</span>'
-            f'<span class="under wrap">{text(sure)}: {text(found.how)}</span></td>')
+            f'<span class="under wrap">{text(how_sure(found))}: {text(found.how)}</span></td>')
 
 
 def static_table(setup: Setup, made: Choice) -> str:
@@ -186,7 +185,7 @@ def section(setup: Setup, prefix: str) -> str:
     most = made.threads[-1]
     sources = ["measured on this machine"]
     if any(p.certainty == kSimulated and p.threads == most for p in made.planes):
-        sources.append(how_sure(kSimulated, made.validated_to))
+        sources.append("simulated, as far validated as each answer says")
     elif most > max((p.threads for p in made.planes if p.certainty == kMeasured), default=0):
         sources.append("extrapolated by scaling laws")
     else:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 import style
-from results import kConfidence, kMinRepetitions, Setup
+from results import kConfidence, kIdentityKeys, kMinRepetitions, Setup
 
 kDraws = 1000
 kTail = 50 * (1 - kConfidence)
@@ -41,6 +41,24 @@ class Comparison:
     overall: pd.DataFrame
     alone: tuple[int, int]      # cells that only the first, only the second measured
     differing: list[tuple[str, str, str]] = field(default_factory=list)
+
+
+@dataclass
+class SameChange:
+    """One change of the build (or of circumstances), measured on several machines."""
+    label: str
+    slug: str
+    parts: list[Comparison]     # one of each machine
+    names: list[str]            # theirs
+
+
+@dataclass
+class OneVersion:
+    """One commit on several machines."""
+    label: str
+    slug: str
+    setups: list[Setup]         # at least one of each machine
+    names: list[str]            # theirs
 
 
 def machine_of(setup: Setup) -> tuple:
@@ -182,18 +200,58 @@ def comparisons(setups: list[Setup]) -> list[Comparison]:
     return made
 
 
+def _panel_names(setups: list[Setup]) -> list[str]:
+    """By machine, and in full where two would be called the same."""
+    short = [machine_name(setup) for setup in setups]
+    return [setup.label if short.count(name) > 1 else name for setup, name in zip(setups, short)]
+
+
+def same_changes(found: list[Comparison]) -> list[SameChange]:
+    """Those that several machines measured: from the same commit, with the same that differs."""
+    def change(one: Comparison) -> tuple:
+        before, after = one.first.context, one.second.context
+        pairs = [(key, str(before.get(key)), str(after.get(key))) for key in kIdentityKeys]
+        return str(before.get("commit")), str(before.get("dirty")), *(p for p in pairs if p[1] != p[2])
+
+    groups: dict[tuple, list[Comparison]] = {}
+    for one in found:
+        if one.one_machine:
+            groups.setdefault(change(one), []).append(one)
+    several = [parts for parts in groups.values() if len(parts) > 1]
+    return [SameChange(f"{parts[0].names[1]} over {parts[0].names[0]} on {len(parts)} machines", f"change-{number}",
+                       parts, _panel_names([one.first for one in parts])) for number, parts in enumerate(several, 1)]
+
+
+def one_versions(setups: list[Setup]) -> list[OneVersion]:
+    """Commits that several machines measured; a run that does not tell its commit is none of them."""
+    groups: dict[tuple, list[Setup]] = {}
+    for setup in setups:
+        if setup.context.get("commit"):
+            groups.setdefault((setup.context["commit"], setup.context.get("dirty") is True), []).append(setup)
+    several = [mine for mine in groups.values() if len({machine_of(setup) for setup in mine}) > 1]
+    return [OneVersion(f"{_build_name(mine[0])} on {len({machine_of(setup) for setup in mine})} machines",
+                       f"version-{number}", mine, _panel_names(mine)) for number, mine in enumerate(several, 1)]
+
+
 def metric_words(value: str) -> str:
     return next(words for name, words, _ in kMetrics if name == value)
 
 
+def _counts(comparison: Comparison) -> list[int]:
+    return sorted(comparison.overall["threads"].unique()) if len(comparison.overall) else []
+
+
+def full_threads(comparison: Comparison) -> int:
+    """The thread count nearest to all cores of the smaller machine, of those that both runs measured."""
+    counts = _counts(comparison)
+    cores = min(s.cores or counts[-1] for s in (comparison.first, comparison.second))
+    return max((t for t in counts if t <= cores), default=counts[0])
+
+
 def shown_threads(comparison: Comparison) -> list[int]:
     """At most three thread counts: the least, all cores of the smaller machine, the most."""
-    counts = sorted(comparison.overall["threads"].unique()) if len(comparison.overall) else []
-    if len(counts) < 4:
-        return counts
-    cores = min(s.cores or counts[-1] for s in (comparison.first, comparison.second))
-    full = max((t for t in counts if t <= cores), default=counts[0])
-    return sorted({counts[0], full, counts[-1]})
+    counts = _counts(comparison)
+    return counts if len(counts) < 4 else sorted({counts[0], full_threads(comparison), counts[-1]})
 
 
 def cache_names(comparison: Comparison) -> list[str]:

@@ -6,6 +6,8 @@ import contention_map
 import efficiency
 import latency
 import lock_wait
+import machine_differences
+import machine_throughput
 import pareto
 import preemption
 import promises
@@ -40,6 +42,9 @@ REPEATABILITY_FIGURES = [repeatability.FIGURE]
 ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
 # Of two runs.
 COMPARISON_FIGURES = [run_differences.FIGURE]
+# Of one change, and of one version, on several machines.
+CHANGE_FIGURES = [machine_differences.FIGURE]
+VERSION_FIGURES = [machine_throughput.FIGURE]
 # Of what icbench preempt measured.
 PREEMPTION_FIGURES = [preemption.FIGURE]
 # Of what icbench simulate made: nothing that was measured.

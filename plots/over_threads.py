@@ -205,6 +205,18 @@ def draw_lines(axes, table: pd.DataFrame, layout: style.Layout, scale: float = 1
                     linewidth=layout.line * 0.8, zorder=2.5)
 
 
+def draw_over_threads(axes, layout: style.Layout, part: pd.DataFrame, setup: Setup, marked: pd.DataFrame, counts,
+                      spanned: pd.DataFrame, scale: float, logarithmic: bool) -> None:
+    """A whole panel. The thread axis has these `counts`, the other spans the medians and intervals of `spanned`, and
+    `marked` are the rows whose thread counts the topology is marked for.
+    """
+    thread_axis(axes, counts, layout)
+    values = (spanned[["median", "low", "high"]] * scale).to_numpy().ravel()
+    _value_axis(axes.yaxis, values, logarithmic, 5 if layout.small else 6)
+    draw_topology(axes, setup, marked)
+    draw_lines(axes, part, layout, scale)
+
+
 def _draw_dots(axes, table: pd.DataFrame, layout: style.Layout, scale: float, logarithmic: bool) -> None:
     """The form for a single thread count: one row per cache, sorted."""
     table = table.sort_values("median").reset_index(drop=True)
@@ -259,11 +271,7 @@ def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label:
             def draw(axes, layout):
                 if single:
                     return _draw_dots(axes, part, layout, scale, logarithmic)
-                thread_axis(axes, counts, layout)
-                values = (part[["median", "low", "high"]] * scale).to_numpy().ravel()
-                _value_axis(axes.yaxis, values, logarithmic, 5 if layout.small else 6)
-                draw_topology(axes, setup, drawn)
-                draw_lines(axes, part, layout, scale)
+                draw_over_threads(axes, layout, part, setup, drawn, counts, part, scale, logarithmic)
                 if extra:
                     extra(axes)
             return Panel(title, draw, subtitle(title, part) if subtitle else "")

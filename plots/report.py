@@ -35,10 +35,11 @@ import tables
 import timeline_page
 import timeline_results
 from cautions import cautions
-from comparison import Comparison, comparisons
+from comparison import comparisons, one_versions, same_changes
 from figure import Omitted, Written, folder_of, parser, write
-from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES, FIGURES,
-                     PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES, TIMELINE_FIGURES)
+from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, CHANGE_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES,
+                     FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES,
+                     TIMELINE_FIGURES, VERSION_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from over_threads import cache_rows
@@ -273,9 +274,15 @@ def _breakdowns(found: list[Setup], out: Path) -> str:
     return made
 
 
-def _differences(found: list[Comparison], out: Path) -> str:
-    """What differs between the runs, pair by pair."""
-    made = f'<h2 class="flow" id="differences">{comparison_page.kTitle}</h2>'
+def _differences(setups: list[Setup], out: Path) -> str:
+    """What differs between the runs: over machines, then pair by pair."""
+    made, found = f'<h2 class="flow" id="differences">{comparison_page.kTitle}</h2>', comparisons(setups)
+    several = [(one, CHANGE_FIGURES) for one in same_changes(found)]
+    several += [(one, VERSION_FIGURES) for one in one_versions(setups)]
+    for one, figures in several:
+        drawn, left_out = _draw(figures, one, out / "figures" / one.slug)
+        made += "".join(_figure(f"{done.figure.title}: {one.label}", done, f"{one.slug}-", out) for done in drawn)
+        made += "".join(map(note_line, left_out))
     for one in found:
         drawn, left_out = _draw(COMPARISON_FIGURES, one, out / "figures" / one.slug)
         shown = "".join(_figure(done.figure.title, done, f"{one.slug}-", out) for done in drawn)
@@ -326,7 +333,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     body += "".join(map(correctness_page.alarm, checked))
     if several:
         names = "".join(f'<a href="#{s.slug}-summary">{text(s.label)}</a>' for s in setups)
-        body += f"<nav>{names}</nav>{_differences(comparisons(setups), out)}"
+        body += f"<nav>{names}</nav>{_differences(setups, out)}"
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
         further = {"differences": comparison_page.kTitle} if several else {}

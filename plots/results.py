@@ -179,6 +179,18 @@ def is_simulated(entry: dict) -> bool:
     return bool(entry.get("simulated")) or str(entry.get("name", "")).startswith("simulate/")
 
 
+def calibration_of(context: dict) -> dict:
+    """What a file of icbench simulate says about the costs that it is from."""
+    said = context.get("calibration")
+    return said if isinstance(said, dict) else {}
+
+
+def calibrated_on(context: dict) -> str:
+    """Where those costs were measured, and what is simulated was validated: a calibration may come from elsewhere."""
+    host = calibration_of(context).get("host_name")
+    return "this machine" if host in (None, "", context.get("host_name", host)) else str(host)
+
+
 def _read(path: Path) -> tuple[dict, list]:
     data = read_json(path, "icbench sweep --out FILE", "a results file of icbench")
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
@@ -205,6 +217,7 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     if any(simulated):
         remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of all figures of measurements: "
                        "they were not measured, and are drawn by themselves")
+    rows["calibrated_on"] = calibrated_on(context)
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
     if failed.any():
         remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")

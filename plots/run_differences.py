@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Two runs: by how much every cache's throughput differs, over all workloads that both measured."""
 import sys
+from functools import partial
 
 import style  # first: it checks what is installed
 
@@ -11,6 +12,8 @@ from comparison import Comparison, cache_names, comparisons, shown_threads
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from results import InputError, load
 
+kMeans = "Geometric means over the workloads that both runs measured"
+
 
 def build(comparison: Comparison) -> Built:
     table = comparison.overall
@@ -19,17 +22,22 @@ def build(comparison: Comparison) -> Built:
         raise Omitted("the runs have no cell in common")
     caches = [c for c in cache_names(comparison) if c in set(table["cache"])]
     values = table[["ratio", "low", "high"]].to_numpy().ravel()
-    panels = [Panel(style.threads_text(threads), lambda axes, layout, part=table[table["threads"] == threads]:
-                    _draw(axes, layout, part, caches, values)) for threads in shown_threads(comparison)]
+    panels = [Panel(style.threads_text(threads), partial(draw, part=table[table["threads"] == threads], caches=caches,
+                                                         values=values)) for threads in shown_threads(comparison)]
+    return Built(comparison.cells, [plate_of("all", f"throughput, {comparison.label}", panels, caches, kMeans)])
+
+
+def plate_of(slug: str, title: str, panels: list[Panel], caches: list[str], what: str) -> Plate:
+    """Of panels by `draw`. `what` says what their dots are."""
     height = 0.16 * len(caches) + 0.25
-    plate = Plate("all", f"throughput, {comparison.label}", panels, lambda layout: [],
-                  "ratio of throughput; right of the line the second run is faster", "",
-                  "Geometric means over the workloads that both measured; bars: 95 % bootstrap intervals. Hollow: "
-                  "undecided, the interval holds 1 or there is none.", (3, 1), (height, height * 0.8), (1.5, 1.15))
-    return Built(comparison.cells, [plate])
+    return Plate(slug, title, panels, lambda layout: [],
+                 "ratio of throughput; right of the line the second run is faster", "",
+                 f"{what}; bars: 95 % bootstrap intervals. Hollow: undecided, the interval holds 1 or there is none.",
+                 (3, 1), (height, height * 0.8), (1.5, 1.15))
 
 
-def _draw(axes, layout: style.Layout, part: pd.DataFrame, caches: list[str], values: np.ndarray) -> None:
+def draw(axes, layout: style.Layout, part: pd.DataFrame, caches: list[str], values: np.ndarray) -> None:
+    """A line a cache: ratio and interval. `values` span the axis."""
     style.log_axis(axes.xaxis, [*values[np.isfinite(values)], 1.0], most=4)
     axes.axvline(1, color="#555555", linewidth=0.8, zorder=1.5)
     for row, cache in enumerate(reversed(caches)):

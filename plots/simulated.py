@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import thread_axis
-from results import InputError, is_simulated, read_json, useful_rate, workload_label, workload_order
+from results import (InputError, calibrated_on, calibration_of, is_simulated, read_json, useful_rate, workload_label,
+                     workload_order)
 
 kFiles = "results of icbench simulate"
 kNumbers = ("threads", "real_time", "items_per_second", "queries", "records", "redundant_records", "lock_wait_share",
@@ -24,6 +25,14 @@ kMetrics = (("throughput", "Throughput", "M op/s", True),
             ("speedup", "Speed-up over the same cache on one core", "speed-up", True),
             ("redundant_share", "Records that one thread would not have made", "redundant records, %", False),
             ("waiting_share", "Time waiting for locks", "time waiting for locks, %", False))
+
+
+def in_words(validated_to: int, place: str) -> str:
+    """What everything that was simulated has to say: up to how many threads such figures were held against measured
+    ones, and where.
+    """
+    return (f"simulated, validated to {style.threads_text(validated_to)} on {place}" if validated_to
+            else "simulated, not validated")
 
 
 @dataclass
@@ -38,9 +47,7 @@ class Simulated:
 
     @property
     def calibration(self) -> dict:
-        """What the file says about the costs that it is from."""
-        said = self.context.get("calibration")
-        return said if isinstance(said, dict) else {}
+        return calibration_of(self.context)
 
     @property
     def host(self) -> str:
@@ -49,15 +56,14 @@ class Simulated:
 
     @property
     def place(self) -> str:
-        """Where it was validated: a calibration may come from elsewhere."""
-        return "this machine" if self.host == self.context.get("host_name", self.host) else self.host
+        """Where it was validated."""
+        return calibrated_on(self.context)
 
     @property
     def said(self) -> str:
         """What every picture of it has to say."""
         threads = int(pd.to_numeric(self.rows["validated_to_threads"], errors="coerce").fillna(0).min())
-        return (f"simulated, validated to {style.threads_text(threads)} on {self.place}" if threads
-                else "simulated, not validated")
+        return in_words(threads, self.place)
 
 
 def load(paths) -> list[Simulated]:

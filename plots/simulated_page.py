@@ -26,7 +26,7 @@ def _validated(one: Simulated) -> str:
     cells = one.rows.groupby(["workload", "cache"])["validated_to_threads"].min().fillna(0)
     known = cells[cells > 0]
     if known.empty and len(_points(one)):
-        return "not validated when they were made; how far they are from measured ones stands below"
+        return "not validated; how far they are from measured ones stands below"
     if known.empty:
         return "not validated: nobody has found such figures near measured ones"
     said = f"validated to {style.threads_text(int(known.min()))} on {one.place}"

@@ -74,6 +74,20 @@ def _handles(names: list[str], _: style.Layout) -> list:
                   linewidth=0.5, label=kParts[n][0]) for n in names]
 
 
+def _unexplained(rows: pd.DataFrame, cells: pd.DataFrame) -> list[str]:
+    """Trials whose parts do not add up: a cell's median does not tell of one among several."""
+    left = pd.to_numeric(rows["time_unexplained"])
+    off = left[left.abs() > kUnexplained]
+    if off.empty:
+        return []
+    worst = rows.loc[off.abs().idxmax()]
+    return [f"in {len(off)} of {style.plural(len(rows), 'trial')} more than {100 * kUnexplained:g} % of the time is "
+            f"not explained, by the median in {(cells['median'].abs() > kUnexplained).sum()} of "
+            f"{style.plural(len(cells), 'cell')}; the worst: {style.number(100 * left[worst.name], 2)} % in "
+            f"{worst['cache']}, {worst['panel']}, {style.threads_text(worst['threads'])}, repetition "
+            f"{worst['repetition_index']}"]
+
+
 def build(setup: Setup) -> Built:
     rows = cache_rows(setup)
     present = [p for p in kParts if field(p) in rows]
@@ -107,10 +121,7 @@ def build(setup: Setup) -> Built:
         plates.append(Plate(group.slug, group.title, panels, partial(_handles, names), "% of wall time × threads", "",
                             "Numbers beside the bars: threads. Means over repetitions. What is white at the end of a "
                             "bar is not explained by any part.", (2, 1), (height, 0.85 * height), (1.15, 0.95)))
-    off = table[(table["part"] == "unexplained") & (table["median"].abs() > kUnexplained)]
-    if len(off):
-        notes.append(f"in {len(off)} of {(table['part'] == 'unexplained').sum()} cells more than "
-                     f"{100 * kUnexplained:g} % of the time is not explained")
+    notes += _unexplained(rows, table[table["part"] == "unexplained"])
     if len(counts) < rows["threads"].nunique():
         notes.append(f"drawn at {', '.join(map(str, counts))} threads; the CSV has every thread count")
     return Built(table, plates, notes)

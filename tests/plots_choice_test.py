@@ -17,9 +17,13 @@ import comparison
 import comparison_page
 import explorer
 import interactive
+import machine_differences
+import machine_throughput
 import results
 import scalability
 import scaling_law
+import simulated
+import style
 import tables
 from figure import Omitted
 
@@ -210,15 +214,40 @@ class Choice(InFolder):
         simulated["validated_to_threads"] = 8
         setup.simulated = simulated
         made = choice.choice(setup)
-        self.assertEqual((made.threads, made.validated_to), ([1, 2, 4, 8, 256], 8))
+        self.assertEqual(made.threads, [1, 2, 4, 8, 256])
         found = choice.answer(made, mechanisms, 16, 256, None)
         self.assertEqual(found.certainty, "simulated")
-        self.assertEqual(choice_page.how_sure(found.certainty, made.validated_to),
-                         "simulated, validated to 8 threads on this machine")
+        self.assertEqual(choice_page.how_sure(found), "simulated, validated to 8 threads on this machine")
         # What was measured is answered by what was measured.
         self.assertEqual(choice.answer(made, mechanisms, 16, 8, None).certainty, "measured")
         page = choice_page.section(setup, "")
         self.assertIn("simulated, validated to 8 threads on this machine", page)
+
+    def test_an_answer_is_as_far_validated_as_the_least_that_it_draws_on(self):
+        measured = self.results(workloads=("miss_driven:cost=1", "miss_driven:cost=64"), threads=(1, 8))
+        data = model_simulated((1, 256), 8, workloads=("miss_driven:cost=1", "miss_driven:cost=64"))
+        for row in data["benchmarks"]:
+            if (row["cache"], row["workload"]) == ("packed_shared_mutex", "miss_driven:cost=64"):
+                row["validated_to_threads"] = 2
+        for missing, host, words in (("", "model", "validated to 2 threads on this machine"),
+                                     ("", "elsewhere", "validated to 2 threads on elsewhere"),
+                                     ("packed_local_write", "model", "not validated")):
+            changed = json.loads(json.dumps(data))
+            changed["context"]["calibration"]["host_name"] = host
+            for row in changed["benchmarks"]:
+                if (row["cache"], row["workload"]) == (missing, "miss_driven:cost=64"):
+                    del row["validated_to_threads"]
+            setup, = results.load([measured, write_results(self.folder / "s.json", changed)])
+            made = choice.choice(setup)
+            mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+            # The figure of the file, and every answer that draws on the cell, say the same.
+            one, = simulated.load(setup.simulated_paths)
+            self.assertEqual(one.said, f"simulated, {words}")
+            for cost in (64, 30, 1000):
+                self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, cost, 256, None)), one.said)
+            # At the other cost everything was validated.
+            self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, 1, 256, None)),
+                             f"simulated, validated to 8 threads on {'this machine' if host == 'model' else host}")
 
     def test_simulated_rows_are_kept_apart_from_measured_ones(self):
         measured = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), errors=False)
@@ -233,9 +262,9 @@ class Choice(InFolder):
         self.assertEqual(len(setup.simulated), len(simulated["benchmarks"]))
         self.assertEqual(sorted(setup.rows["threads"].unique()), [1, 8])
         made = choice.choice(setup)
-        self.assertEqual((made.threads, made.validated_to), ([1, 8, 256], 8))
+        self.assertEqual(made.threads, [1, 8, 256])
         found = choice.answer(made, dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 256, None)
-        self.assertEqual((found.certainty, found.repetitions), ("simulated", 1))
+        self.assertEqual((found.certainty, found.repetitions, found.validated_to), ("simulated", 1, 8))
         # It has no scatter, and so no interval: what it is held to stands for that.
         self.assertTrue(math.isnan(found.lines[-1].ratio[1]))
         self.assertEqual([line for line in found.lines[1:] if line.ratio[0] <= 1.1], found.tied)
@@ -285,7 +314,8 @@ class Choice(InFolder):
             for threads in made.threads:
                 found = choice.answer(made, mechanisms, x, threads, made.accuracies[0])
                 key = f"{at} {threads}" + (f" {made.accuracies[0]:g}" if found.rendered else "")
-                certainty, way, _, rendered, lines = data["answers"][key]
+                _, sure, way, _, rendered, lines = data["answers"][key]
+                self.assertEqual(data["sures"][sure], choice_page.how_sure(found))
                 self.assertEqual(data["ways"][way], found.how)
                 self.assertEqual(data["caches"][lines[0][1]], found.lines[0].cache)
                 self.assertEqual(rendered, found.rendered)
@@ -366,6 +396,51 @@ class Comparison(InFolder):
                           ("other over model", False)])
         self.assertIn(("host_name", "model", "other"), found[2].differing)
         self.assertIn("Two machines", comparison_page.section(found[2], ""))
+
+    def test_a_change_on_several_machines_has_a_panel_a_machine_and_no_mean_over_them(self):
+        paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"),
+                 self.file("c", host_name="other", cores=2), self.file("d", host_name="other", cores=2,
+                                                                       commit="fedcba9876543210")]
+        setups = results.load(paths)
+        found = comparison.comparisons(setups)
+        change, = comparison.same_changes(found)
+        self.assertEqual(change.label, "commit fedcba987654 over commit 0123456789ab on 2 machines")
+        built = machine_differences.build(change)
+        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates],
+                         [["model, 8 threads", "other, 2 threads"]] * 3)
+        first, second = (one.cells[one.cells["metric"] == "items_per_second"] for one in change.parts)
+        for name, cells in (("model", first), ("other", second)):
+            mine = built.table[built.table["machine"] == name]
+            self.assertEqual(list(mine["ratio"]), list(cells["ratio"]))
+        # The dots of a panel are those of its machine alone.
+        for panel, one in zip(built.plates[0].panels, change.parts):
+            axes = style.matplotlib.figure.Figure().add_axes([0, 0, 1, 1])
+            panel.draw(axes, style.kReport)
+            threads = comparison.full_threads(one)
+            known = one.overall[(one.overall["metric"] == "items_per_second") & (one.overall["threads"] == threads)]
+            dots = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
+            self.assertEqual(sorted(dots), sorted(known["ratio"]))
+        # Another change on the second machine is no change of both.
+        other = self.file("e", host_name="other", commit="1" * 16)
+        self.assertEqual(comparison.same_changes(comparison.comparisons(results.load([*paths[:3], other]))), [])
+        alone = run("machine_differences.py", *paths[:2])
+        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
+
+    def test_a_version_on_several_machines_has_a_panel_a_machine(self):
+        paths = [self.file("a"), self.file("b", commit="fedcba9876543210"), self.file("c", host_name="other"),
+                 self.file("d", host_name="other", compiler="another"), self.file("e", host_name="third", commit=None)]
+        version, = comparison.one_versions(results.load(paths))
+        self.assertEqual(version.label, "commit 0123456789ab on 2 machines")
+        built = machine_throughput.build(version)
+        names = ["model", "other, compiler GNU 12.2.0", "other, compiler another"]
+        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates], [names] * 2)
+        self.assertIn("the builds of this version differ in compiler", built.notes)
+        for name, setup in zip(names, version.setups):
+            medians = setup.rows.groupby(["panel", "cache", "threads"])["items_per_second"].median()
+            mine = built.table[built.table["machine"] == name].set_index(["panel", "cache", "threads"])["median"]
+            self.assertEqual(mine.to_dict(), medians.to_dict())
+        alone = run("machine_throughput.py", *paths[:2])
+        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
 
     def test_cells_of_one_run_alone_are_counted(self):
         data = json.loads(self.file("b", True, commit="fedcba9876543210").read_text())

@@ -22,6 +22,7 @@ from plots_support import (kContext, kCycle, kFewWorkloads, kPlots, kRoot, InFol
 
 import anatomy_page
 import anatomy_results
+import breakdown_page
 import cautions
 import correctness
 import correctness_page
@@ -74,6 +75,8 @@ class Report(InFolder):
         self.assertIn("nothing is merged", page)
         self.assertIn('class="banner">Incomplete results (other)', page)
         self.assertIn("<code>figures/other/throughput.pdf</code>", page)
+        self.assertIn("One version on each machine: commit 0123456789ab on 2 machines</h3>", page)
+        self.assertIn("<code>figures/version-1/machine_throughput.pdf</code>", page)
 
     def simulated(self, page: str):
         """One machine alone has the part, and no figure of measurements has its rows."""
@@ -473,6 +476,32 @@ class Stopped(InFolder):
         # The mutex: half of the others' time, and a longest query of 11 ms; nobody else waits.
         self.assertRegex(page, r'<td>packed_global_mutex</td><td class="n">50[^<]*<small>')
         self.assertRegex(page, r'<td>packed_wait_free</td><td class="n">0 ')
+
+    def breakdown(self, counted: dict, **said) -> str:
+        """The part of the page; `counted` by one operation."""
+        data = model_results(caches=few_caches()[1:], workloads=kFewWorkloads[1:2], threads=(1, 8, 32), repetitions=3,
+                             errors=False, **said)
+        for row in data["benchmarks"]:
+            row |= {name: each * (1 + row["repetition_index"]) * (row["queries"] + row["inserts"])
+                    for name, each in counted.items()}
+        setup, = results.load([write_results(self.folder / "breakdown.json", data)])
+        return breakdown_page.section(setup, "a", "", False)
+
+    def test_what_the_hardware_counted_stands_beside_the_breakdown(self):
+        page = self.breakdown({"cycles": 1500, "line_transfers": 0.5},
+                              hardware_counters={"events": ["cycles"], "note": "l1d_misses: not offered"})
+        for threads in (1, 8):
+            self.assertIn(f'<td>packed_wait_free</td><td class="n">{threads}</td><td class="n">3,000 <small>[1,500, '
+                          '4,500]</small></td><td class="n">1.00 <small>[0.500, 1.50]</small></td>', page)
+        self.assertNotIn('<td class="n">32</td>', page)
+        self.assertEqual(page.count('<th class="n">'), 3)
+        self.assertEqual(page.count("L1d_misses: not offered."), 1)
+
+    def test_where_the_hardware_counted_nothing_the_page_says_why(self):
+        page = self.breakdown({}, hardware_counters={"events": [], "note": "no hardware counters: no permission"})
+        self.assertNotIn("<table", page)
+        self.assertEqual(page.count("No hardware counters: no permission."), 1)
+        self.assertNotIn("counter", self.breakdown({}))
 
 
 class Anatomy(InFolder):

@@ -9,6 +9,7 @@
 #include "made_points.h"
 #include "simulate/calibration.h"
 #include "simulate/engine.h"
+#include "simulate/validation.h"
 #include "temporary_folder.h"
 #include "workload/dispatch.h"
 
@@ -332,6 +333,22 @@ TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {
     EXPECT_LE(o.busy_ns, 40 * o.wall_ns * (1 + 1e-12)) << entry.traits.name;
     EXPECT_GE(o.busy_ns, 0.0) << entry.traits.name;
   }
+}
+
+TEST(Validation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
+  ComparedPoint compared{};
+  compared.simulated.throughput = compared.measured.throughput = {2e6, 3e6, 4e6};
+  compared.simulated.redundant = compared.measured.redundant = {1, 1, 1};
+  compared.simulated.records = compared.measured.records = {10, 10, 10};
+  compared.simulated.waiting = compared.measured.waiting = {0.0, 0.0, 0.0};
+  for (const unsigned before : {0u, 2u, 64u}) {
+    compared.entry.counters["validated_to_threads"] = before;
+    Validation outcome{8, 60, 0.05, 0.0, 0.09, "today", {}};
+    EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 8u) << before;
+    outcome.waiting_error = 0.5;
+    EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 0u) << before;
+  }
+  EXPECT_EQ(row_of(compared, {}).items_per_second, 3e6);
 }
 
 TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {

@@ -102,24 +102,14 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   fmt::print("{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
              "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "",
              "", "", "", "");
+  const Validation outcome = validation_of(simulation, points);
   for (const ComparedPoint& c : points) {
-    Entry entry = c.entry;
-    entry.items_per_second = median(c.simulated.throughput);
-    auto& counters = entry.counters;
-    counters["rounds"] = c.measured.throughput.size();
-    counters["measured_items_per_second"] = median(c.measured.throughput);
-    counters["measured_redundant_records"] = c.measured.redundant_mean();
-    counters["measured_lock_wait_share"] = median(c.measured.waiting);
-    counters["error_items_per_second"] = c.throughput_error();
-    counters["error_redundant_records"] = c.redundant_error();
-    counters["error_lock_wait_share"] = c.waiting_error();
-    results.add(entry);
+    results.add(row_of(c, outcome));
     fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
                median(c.measured.throughput), median(c.simulated.throughput), 100.0 * c.throughput_error(),
                c.measured.redundant_mean(), c.simulated.redundant_mean(), 100.0 * median(c.measured.waiting),
-               100.0 * median(c.simulated.waiting), entry.name);
+               100.0 * median(c.simulated.waiting), c.entry.name);
   }
-  const Validation outcome = validation_of(simulation, points);
   const std::string line = fmt::format(
       "median errors of {} points with 2 to {} threads: throughput {:.1f} %, redundant records "
       "{:.1f} %, waiting for locks {:.1f} %",
@@ -157,6 +147,7 @@ void simulate_command(const SimulateOptions& o) {
   context["simulated"] = true;
   nlohmann::ordered_json told = used.to_json();
   told.erase("costs");
+  if (o.validate) told.erase("validation");  // of these rows it is yet to come
   context["calibration"] = told;
   context["calibration"]["file"] = r.calibration_path;
   context["virtual_machine"] = {{"cores_per_complex", r.machine.cores_per_complex},

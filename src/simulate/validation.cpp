@@ -127,4 +127,19 @@ Validation validation_of(const Simulation& simulation, std::span<const ComparedP
   return out;
 }
 
+Entry row_of(const ComparedPoint& compared, const Validation& outcome) {
+  Entry row = compared.entry;
+  row.items_per_second = median(compared.simulated.throughput);
+  auto& c = row.counters;
+  c["validated_to_threads"] = outcome.holds() ? outcome.threads : 0;
+  c["rounds"] = compared.measured.throughput.size();
+  c["measured_items_per_second"] = median(compared.measured.throughput);
+  c["measured_redundant_records"] = compared.measured.redundant_mean();
+  c["measured_lock_wait_share"] = median(compared.measured.waiting);
+  c["error_items_per_second"] = compared.throughput_error();
+  c["error_redundant_records"] = compared.redundant_error();
+  c["error_lock_wait_share"] = compared.waiting_error();
+  return row;
+}
+
 }  // namespace icbench

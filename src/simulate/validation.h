@@ -60,4 +60,8 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
 /// waits for nobody, is no merit.
 Validation validation_of(const Simulation& simulation, std::span<const ComparedPoint> points);
 
+/// The results' row of a point: what was simulated and measured, and whether it is validated by `outcome`, of which it
+/// is a part.
+Entry row_of(const ComparedPoint& compared, const Validation& outcome);
+
 }  // namespace icbench
