@@ -335,7 +335,7 @@ TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {
   }
 }
 
-TEST(Validation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
+TEST(SimulatorValidation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
   ComparedPoint compared{};
   compared.simulated.throughput = compared.measured.throughput = {2e6, 3e6, 4e6};
   compared.simulated.redundant = compared.measured.redundant = {1, 1, 1};
