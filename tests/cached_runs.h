@@ -77,7 +77,7 @@ inline LevelRun run_level(const RayTracer& rays, const PrimaryHits& primary, con
   setup.leak_guard = level.leak_guard;
   const auto source = make(setup);
   source->begin_frame({}, crew);
-  ListSession session{.bounds = rays.scene().bounds, 
+  ListSession session{.bounds = rays.scene().bounds,
                       .a = search_reach(level.level, make != make_irradiance_cache) * level.a};
   LevelRun out{blank(primary.width, primary.height), {}, {}};
   Tracer tracer(rays);

@@ -305,9 +305,10 @@ void add_replay(CLI::App& trace) {
           "Times the time that records took: 1 as in the render, 0 none")
       ->type_name("X")
       ->default_str("1");
-  replay->add_flag("--as-captured", o->as_captured,
-                   "Make records where the render made them, and nowhere else,\nwhatever queries answer: leaves the "
-                   "render's records with any\nnumber of threads");
+  replay->add_flag(
+      "--as-captured", o->as_captured,
+      "Make records where the render made them, and nowhere else,\nwhatever queries answer: leaves the "
+      "render's records with any\nnumber of threads");
   add_whole(replay, "--repetitions", o->repetitions, 1u, 100'000u, "Repetitions; medians are printed");
   add_whole(replay, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
             "Of the order of caches, and of which operations are timed");

@@ -109,7 +109,8 @@ inline constexpr float kTurnOfVpls = 3.0f;
 /// or that normals may turn farther than a alone allows. `of_vpls`: of a cache whose records these give.
 constexpr float search_reach(Interpolation level, bool of_vpls = false) noexcept {
   if (of_vpls && extrapolates(level)) return kTurnOfVpls;
-  return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f : 1.0f;
+  return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f
+                                                                                                 : 1.0f;
 }
 
 /// What a record carries beside the cache.

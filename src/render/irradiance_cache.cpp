@@ -16,12 +16,13 @@ RecordShapes make_shapes(const PassSetup& s, float a, const RadiusLimits& limits
 
 }  // namespace
 
-RecordShapes make_shapes(const PassSetup& s) { return make_shapes(s, s.a, radius_limits(s.rays.scene().bounds)); }
+RecordShapes make_shapes(const PassSetup& s) {
+  return make_shapes(s, s.a, radius_limits(s.rays.scene().bounds));
+}
 
 RecordShapes make_shapes_of_vpls(const PassSetup& s) {
-  const RadiusLimits limits =
-      RadiusLimits::for_scene(s.rays.scene().bounds, kMinRadiusOfDiagonal / kTurnOfVpls,
-                              kMaxRadiusOfDiagonal / kTurnOfVpls);
+  const RadiusLimits limits = RadiusLimits::for_scene(
+      s.rays.scene().bounds, kMinRadiusOfDiagonal / kTurnOfVpls, kMaxRadiusOfDiagonal / kTurnOfVpls);
   return make_shapes(s, kTurnOfVpls * s.a, limits);
 }
 

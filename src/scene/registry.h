@@ -37,7 +37,8 @@ struct SceneEntry {
   Scene (*make)();
   /// Of a cache whose records are extrapolated by gradients (render/extrapolation.h): one so coarse that its picture
   /// by virtual point lights hardly differs from one without a cache. In 512 x 384 pixels HDR-VDP (P > 75 %) told fewer
-  /// than 0.33 % apart, by 8,192 of them, but of office by 1,024; of sibenik 0.94 %. 0.1 where it was not tried.
+  /// than 0.33 % apart, by 8,192 of them, but of office by 1,024; of sibenik 0.94 %. 0.1 where it was not tried. All
+  /// but those of bunnies_4 before normals turned farther (kTurnOfVpls).
   float accuracy = 0.1f;
 };
 

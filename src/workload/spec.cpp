@@ -199,7 +199,8 @@ WorkloadSpec trace_workload(const std::string& file, double scale, bool as_captu
   spec.file = file;
   spec.scale = scale;
   spec.as_captured = as_captured;
-  spec.name = fmt::format("{}:file={}:scale={}{}", kTrace, file, scale, as_captured ? ":records=as_captured" : "");
+  spec.name =
+      fmt::format("{}:file={}:scale={}{}", kTrace, file, scale, as_captured ? ":records=as_captured" : "");
   return spec;
 }
 

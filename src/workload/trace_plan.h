@@ -34,9 +34,8 @@ class TracePlan {
   /// another thread was as late.
   bool makes_a_record(std::uint32_t operation, bool is_answered) const noexcept {
     if (as_captured_) return !is_stand_in(operation);
-    return !is_answered ||
-           (!is_stand_in(operation) &&
-            (trace_.records[origin(operation)].flags & TracedRecord::kRefusedAnswer) != 0);
+    return !is_answered || (!is_stand_in(operation) &&
+                            (trace_.records[origin(operation)].flags & TracedRecord::kRefusedAnswer) != 0);
   }
   /// What it inserts then.
   Record record(std::uint32_t operation) const noexcept;
