@@ -32,8 +32,8 @@
 //
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
-// the error that is left grows with the square of the turn. On what is curved, as a bunny, that takes a third of the
-// records or more away, and in 512 x 384 pixels nothing more of it is seen (bench/MEASURED.md). Since |d| / R + turn / k
+// the error that is left grows with the square of the turn. That took 29 % of the
+// records of four bunnies' room away, and no more of them was seen in one picture (bench/MEASURED.md). Since |d| / R + turn / k
 // < a is |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
 #pragma once
 
