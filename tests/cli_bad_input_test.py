@@ -170,11 +170,13 @@ class BadInput(Case):
                                 (["--calibration", "results.json"], "no JSON"),
                                 (["--calibration", "costs.json"], "another version"),
                                 (["--transfer", "1,2"], "three numbers"), (["--transfer", "1,2,-3"], "three numbers"),
+                                (["--hand-over", "1"], "two numbers"), (["--hand-over", "1,1e9"], "from 0 to 1e6"),
                                 (["--complex", "3", "--socket", "8"], "multiple"), (["--out", "."], "a folder")):
             options = {"--calibration": "none.json", "--out": "out.json"} | dict(zip(arguments[::2], arguments[1::2]))
             with self.subTest(arguments):
                 self.refuse("simulate", *(word for option in options.items() for word in option), says=[part])
         self.refuse("simulate", "--validate", "--cores", "0", "--calibration", "none.json", says=["--cores"])
+        self.refuse("simulate", "--validate", "--hand-over", "1,2", "--calibration", "none.json", says=["--hand-over"])
 
     def test_traces_that_cannot_be_captured_or_read(self):
         self.succeed(*small_capture(out="a.trace"))

@@ -219,6 +219,15 @@ class Simulate(Case):
         self.assertIs(once["context"]["complete"], True)
         self.assertNotEqual(self.simulate(seed=2)["benchmarks"], once["benchmarks"])
 
+    def test_handing_over_a_lock_takes_as_long_as_one_says(self):
+        waits = []
+        for ns in ("100,1000", "100,100000"):
+            data = self.simulate(caches="packed_global_mutex", cores="8", **{"hand-over": ns})
+            self.assertEqual(data["context"]["virtual_machine"]["hand_over_ns"], [float(n) for n in ns.split(",")])
+            row, = data["benchmarks"]
+            waits.append(row["lock_wait_share"] * row["real_time"])
+        self.assertGreater(waits[1], 2 * waits[0])
+
     def test_one_core_leaves_a_traces_records(self):
         self.succeed(*small_capture(out="a.trace", frames=2, scene="cornell_camera"))
         for row in self.simulate(workloads="trace:file=a.trace")["benchmarks"]:

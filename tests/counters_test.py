@@ -6,22 +6,18 @@ Compiles them twice with the flags of the build: against the headers as they are
 are all of 0, by a policy that is empty by definition. Then compares the disassembly. A control with counters on must
 differ. What a counter beside the policy would do, write to memory, caches_hard_cases_test looks for.
 
-Environment: COMMANDS, the build's compile_commands.json; SOURCES, the folder src.
+Environment: that of machine_code.py.
 """
 
-import json
-import os
 import re
-import shlex
 import shutil
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
-COMMANDS = Path(os.environ.get("COMMANDS", ROOT / "build/release/compile_commands.json"))
-SOURCES = Path(os.environ.get("SOURCES", ROOT / "src"))
+import machine_code
+from machine_code import SOURCES
+
 # Of the statement that counts, up to its semicolon; no count's argument holds one.
 COUNTING = re.compile(r"(\.template\s+add<\s*&Counts::\w+\s*>)\([^;]*\);")
 POLICY = re.compile(r"^class NoCounters \{.*?^\};", re.DOTALL | re.MULTILINE)
@@ -55,28 +51,15 @@ extern "C" bool ask_{name}(C_{name}::Session& s, const SurfacePoint& x, Irradian
 }}
 extern "C" InsertResult insert_{name}(C_{name}::Session& s, const Record& r) {{ return s.insert(r); }}
 """
+
+
+def text(counters):
+    """A translation unit with all operations."""
+    return HEADERS + "".join(OPERATIONS.format(name=each, cache=cache.format(counters=counters))
+                             for each, cache in CACHES.items())
+
+
 NAMES = [f"{operation}_{name}" for operation in ("ask", "insert") for name in CACHES]
-
-def flags():
-    """Compiler and flags that the release build gives a cache, without its precompiled headers and its output."""
-    for entry in json.loads(COMMANDS.read_text()):
-        if entry["file"].endswith("packed_filter.cpp"):
-            words = shlex.split(entry["command"])
-            break
-    else:
-        raise AssertionError(f"{COMMANDS} does not say how packed_filter.cpp is compiled")
-    while os.path.basename(words[0]) in ("ccache", "sccache"):
-        words.pop(0)
-    kept, skip = [], False
-    for word in words:
-        if skip or word in ("-c", "-Winvalid-pch"):
-            skip = False
-        elif word in ("-o", "-include", "-MF", "-MT", "-I", "-Xclang"):
-            skip = True
-        elif not word.startswith(("-I", "-MD", "-M")) and not word.endswith(".cpp") and "cmake_pch" not in word:
-            kept.append(word)
-    return kept
-
 
 def without_counting(folder):
     """A copy of core and caches in which nothing is counted; returns how many counts there were."""
@@ -93,25 +76,6 @@ def without_counting(folder):
     return found
 
 
-def functions(include, counters, folder, name):
-    """Instructions of each function of the object, with addresses replaced by where they are within it."""
-    source = folder / f"{name}.cpp"
-    source.write_text(HEADERS + "".join(OPERATIONS.format(name=each, cache=cache.format(counters=counters))
-                                        for each, cache in CACHES.items()))
-    made = folder / f"{name}.o"
-    subprocess.run([*flags(), "-w", "-g0", "-I", include, "-c", source, "-o", made], check=True, timeout=300)
-    said = subprocess.run(["objdump", "-dr", "--no-show-raw-insn", "--no-addresses", made], check=True, text=True,
-                          capture_output=True).stdout
-    found, current = {}, None
-    for line in said.splitlines():
-        start = re.match(r"<(.+)>:$", line.strip())
-        if start:
-            current = found.setdefault(start[1], [])
-        elif current is not None and line.strip():
-            current.append(re.sub(r"\s+", " ", re.sub(r"#.*", "", line)).strip())
-    return found
-
-
 class Counters(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -119,7 +83,7 @@ class Counters(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
         cls.counts = without_counting(cls.folder / "src")
-        cls.bare = functions(cls.folder / "src", "NoCounters", cls.folder, "bare")
+        cls.bare = machine_code.functions(text("NoCounters"), cls.folder / "src", cls.folder, "bare")
 
     def test_the_copy_counts_nothing(self):
         self.assertGreater(self.counts, 20)
@@ -128,7 +92,7 @@ class Counters(unittest.TestCase):
             self.assertEqual(handed, [], path.name)
 
     def test_without_counters_the_code_is_that_without_counting(self):
-        real = functions(SOURCES, "NoCounters", self.folder, "real")
+        real = machine_code.functions(text("NoCounters"), SOURCES, self.folder, "real")
         for name in NAMES:
             self.assertGreater(len(real[name]), 20, name)
         self.assertEqual(set(real), set(self.bare))
@@ -136,7 +100,7 @@ class Counters(unittest.TestCase):
             self.assertEqual(code, self.bare[name], name)
 
     def test_with_counters_it_is_not(self):
-        counted = functions(SOURCES, "WithCounters", self.folder, "counted")
+        counted = machine_code.functions(text("WithCounters"), SOURCES, self.folder, "counted")
         for name in NAMES:
             self.assertNotEqual(counted[name], self.bare[name], name)
 

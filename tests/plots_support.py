@@ -5,9 +5,11 @@ import csv
 import json
 import math
 import os
+import runpy
 import subprocess
 import sys
 import tempfile
+import traceback
 import unittest
 import zlib
 from html.parser import HTMLParser
@@ -19,6 +21,7 @@ kRoot = Path(__file__).resolve().parent.parent
 kPlots = kRoot / "plots"
 sys.path.insert(0, str(kPlots))
 
+import report  # noqa: E402, F401  (for run(): whatever the scripts draw with)
 import results  # noqa: E402
 
 kMechanisms = {  # contention, coherency, single-thread speed of the model
@@ -392,10 +395,52 @@ def write_results(path: Path, results: dict) -> Path:
     return path
 
 
-def run(script: str, *arguments, **environment) -> subprocess.CompletedProcess:
+def run(script: str, *arguments) -> subprocess.CompletedProcess:
+    """What plots/SCRIPT does and says with these arguments, in a process forked from this one: it has imported already
+    what a program of its own would import for longer than it draws."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                status = _as_program(kPlots / script, [str(a) for a in arguments], out, err)
+            finally:
+                os._exit(status)
+        _, ended = os.waitpid(child, 0)
+        said = []
+        for stream in (out, err):
+            stream.seek(0)
+            said.append(stream.read().decode())
+    return subprocess.CompletedProcess([script, *arguments], os.waitstatus_to_exitcode(ended), *said)
+
+
+def _as_program(script: Path, arguments: list[str], out, err) -> int:
+    """Runs the script as Python itself would, with its output to these two; returns the exit status."""
+    os.dup2(out.fileno(), 1)
+    os.dup2(err.fileno(), 2)
+    sys.stdout, sys.stderr = (open(fd, "w", encoding="utf-8", closefd=False) for fd in (1, 2))
+    sys.argv = [str(script), *arguments]
+    try:
+        runpy.run_path(str(script), run_name="__main__")
+        status = 0
+    except SystemExit as end:
+        status = end.code
+        if isinstance(status, str):
+            print(status, file=sys.stderr)
+    except BaseException:
+        traceback.print_exc()
+        status = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return status if isinstance(status, int) else int(status is not None)
+
+
+def run_afresh(script: str, *arguments) -> subprocess.CompletedProcess:
+    """The same in a new interpreter, as a user starts it."""
     return subprocess.run([sys.executable, str(kPlots / script), *map(str, arguments)], capture_output=True,
-                          text=True,
-                          env=os.environ | environment, check=False)
+                          text=True, check=False)
 
 
 def read_csv(path: Path) -> list[dict]:

@@ -21,7 +21,7 @@ namespace {
 constexpr const char* kDefaultCores = "1,2,4,8,16,32,64,128,256";
 struct SimulateOptions {
   std::string cores = kDefaultCores, caches = fmt::format("{}", fmt::join(kUsualCaches, ",")), workloads,
-              out = "simulated.json", calibration, transfers;
+              out = "simulated.json", calibration, transfers, hand_over;
   std::uint64_t seed = 1;
   unsigned complex_cores = 8, socket_cores = 64, repetitions = 9;
   bool recalibrate = false, validate = false;
@@ -42,17 +42,20 @@ std::vector<std::string> all_but_the_oracle() {
   return out;
 }
 
-/// Three numbers of nanoseconds, "23,107,197".
-std::array<double, 3> parse_transfers(const std::string& text) {
-  const std::vector<std::string> items = split_list("--transfer", text);
-  std::array<double, 3> out{};
-  if (items.size() != out.size())
-    throw std::runtime_error(fmt::format("--transfer '{}' is not three numbers of nanoseconds", text));
-  for (std::size_t i = 0; i < out.size(); ++i) {
+/// N numbers of nanoseconds, "23,107,197".
+template <std::size_t N>
+std::array<double, N> parse_times(std::string_view option, const std::string& text) {
+  const auto refused = [&](std::string_view range) {
+    return std::runtime_error(
+        fmt::format("{} '{}' is not {} numbers {}", option, text, N == 2 ? "two" : "three", range));
+  };
+  const std::vector<std::string> items = split_list(option, text);
+  std::array<double, N> out{};
+  if (items.size() != N) throw refused("of nanoseconds");
+  for (std::size_t i = 0; i < N; ++i) {
     const char* const last = items[i].data() + items[i].size();
     const auto [end, error] = std::from_chars(items[i].data(), last, out[i]);
-    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6))
-      throw std::runtime_error(fmt::format("--transfer '{}' is not three numbers from 0 to 1e6", text));
+    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6)) throw refused("from 0 to 1e6");
   }
   return out;
 }
@@ -78,7 +81,11 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
         fmt::format("--socket {} is no multiple of --complex {}: complexes lie in sockets", o.socket_cores,
                     o.complex_cores));
   }
-  if (!o.transfers.empty()) r.transfers = Transfers{parse_transfers(o.transfers)};
+  if (!o.transfers.empty()) r.transfers = Transfers{parse_times<3>("--transfer", o.transfers)};
+  if (!o.hand_over.empty()) {
+    const auto [call, delay] = parse_times<2>("--hand-over", o.hand_over);
+    r.hand_over = HandOver{call, delay};
+  }
   r.machine.cores_per_complex = o.complex_cores;
   r.machine.cores_per_socket = o.socket_cores;
   r.seed = o.seed;
@@ -153,6 +160,9 @@ void simulate_command(const SimulateOptions& o) {
   context["virtual_machine"] = {{"cores_per_complex", r.machine.cores_per_complex},
                                 {"cores_per_socket", r.machine.cores_per_socket},
                                 {"transfer_ns", r.transfers.value_or(used.transfers).ns}};
+  if (r.hand_over) {
+    context["virtual_machine"]["hand_over_ns"] = {r.hand_over->call_ns, r.hand_over->delay_ns};
+  }
   std::vector<std::string> workloads;
   for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
   const nlohmann::ordered_json configuration = {{"command", "simulate"},
@@ -218,11 +228,19 @@ void add_simulate(CLI::App& app) {
                    "sockets (default: "
                    "measured, 107, 197; as an\nAMD EPYC 7R13, see src/simulate/machine.h)")
       ->type_name("A,B,C");
+  CLI::Option* const hand_over =
+      simulate
+          ->add_option("--hand-over", o->hand_over,
+                       "Nanoseconds for handing a lock to a thread that sleeps: of the call\nthat wakes it, and "
+                       "until it runs (default: measured, by how long\nit has slept); such rows were not "
+                       "validated")
+          ->type_name("A,B");
   add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u, "Cores that share a last-level cache");
   add_whole(simulate, "--socket", o->socket_cores, 1u, 8192u, "Cores of a socket");
   simulate->add_flag("--validate", o->validate,
                      "Measure, too, with all thread counts that this machine has\n(powers of two and all "
-                     "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %");
+                     "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %")
+      ->excludes(hand_over);
   add_whole(simulate, "--repetitions", o->repetitions, 1u, 100'000u, "Of measured points, for --validate");
   simulate->add_option("--out", o->out, "Results (JSON)")->type_name("FILE")->capture_default_str();
   simulate->callback([o] { simulate_command(*o); });

@@ -70,6 +70,18 @@ struct WaitCosts {
   std::array<double, kLockKinds> lock_ns{};
 };
 
+/// What handing a lock to a thread that sleeps takes, nanoseconds >= 0, however long it has slept: what-if figures in
+/// place of those that a calibration measures. Other hand-overs follow from what a cache line takes (Transfers).
+struct HandOver {
+  double call_ns;   ///< of the thread that gives the lock back: the kernel's call that wakes
+  double delay_ns;  ///< from that call until the woken thread runs
+
+  void apply_to(WaitCosts& costs) const noexcept {
+    costs.wake_call_ns = BySleep::always(call_ns);
+    costs.wake_delay_ns = BySleep::always(delay_ns);
+  }
+};
+
 /// A thread that comes to a lock.
 struct Visitor {
   unsigned thread, core;

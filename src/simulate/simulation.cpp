@@ -172,6 +172,8 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   machine.cores = point.cores;
   machine.transfers = request_.transfers.value_or(moment.transfers);
   machine.pace = moment.pace;
+  WaitCosts waits = moment.waits;
+  if (request_.hand_over) request_.hand_over->apply_to(waits);
   const Mechanism mechanism = mechanism_of(point.cache->traits);
   const auto program =
       data.trace ? simulated_program(*data.trace) : simulated_program(*data.synthetic, point.cores, seed);
@@ -180,7 +182,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
                          ? point.cache->stepped(config)
                          : make_logged_node_locks(point.cache->traits, config);
   const SimulatedOutcome o =
-      simulate(*program, *cache, {machine, moment.waits, moment.costs, mechanism, seed});
+      simulate(*program, *cache, {machine, waits, moment.costs, mechanism, seed});
 
   Entry entry;
   entry.name = name_of(point);
@@ -192,9 +194,9 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
   auto& c = entry.counters;
   c["simulated"] = true;
-  c["validated_to_threads"] = calibration_.validation && calibration_.validation->holds_for(key(point))
-                                  ? calibration_.validation->threads
-                                  : 0;
+  const bool is_validated = calibration_.validation && calibration_.validation->holds_for(key(point)) &&
+                            !request_.hand_over.has_value();
+  c["validated_to_threads"] = is_validated ? calibration_.validation->threads : 0;
   c["calibration"] = request_.calibration_path;
   c["cache"] = point.cache->traits.name;
   c["workload"] = spec.name;

@@ -28,6 +28,7 @@ struct SimulationRequest {
   std::vector<unsigned> cores;
   MachineModel machine{};  ///< all but cores and transfers, which a point and the calibration give
   std::optional<Transfers> transfers{};  ///< instead of the calibration's
+  std::optional<HandOver> hand_over{};   ///< likewise; what is simulated with it was not validated
   std::uint64_t seed = 1;
   std::string calibration_path;  ///< empty: kept nowhere
   std::string host_name;         ///< of this machine

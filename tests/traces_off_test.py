@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""A render that captures no trace runs the code that it would run if there were no traces: the pass through a cache is
+compiled with the flags of the build against the headers as they are, and against a copy from which every word of traces
+is taken. Then the disassembly of all its functions is compared. As a control, the session that does capture must tell
+the two apart.
+
+Environment: that of machine_code.py.
+"""
+
+import re
+import shutil
+import tempfile
+import unittest
+from pathlib import Path
+
+import machine_code
+from machine_code import SOURCES
+
+# What headers without traces would not have: what a pass is set up with, who it hands over to, and who is told of queries.
+TAKEN = {
+    "workload/cached_pass.h": [
+        (r"^class TraceRecorder;\n", ""),
+        (r"TraceRecorder\* trace = nullptr;[^\n]*", "void* nothing = nullptr;"),  # all else stays where it is
+        (r"^/// Captures what it does[^\n]*\n.*?;\n", ""),
+        (r"^ *if \(setup\.trace != nullptr\)[^\n]*\n", "")],
+    "render/irradiance_cache.h": [
+        (r"^/// A session that is told of each point[^{]*\{.*?^\};\n", ""),
+        (r"^ *if constexpr \(ToldOfQueries<Session>\)[^\n]*\n", "")],
+}
+LEFT = re.compile(r"TraceRecorder|TracedPass|traced_pass|ToldOfQueries|\basked\(")
+PASS = """
+#include "caches/registry.h"
+#include "workload/cached_pass.h"
+using namespace icbench;
+template class icbench::CachedPass<{cache}>;
+"""
+# A stand-in for the session of TracedPass, which is in a source file of its own: told of each query, it counts.
+TOLD = """
+#include "render/irradiance_cache.h"
+using namespace icbench;
+struct Told {
+  unsigned long& queries;
+  template <class F> void visit(const SurfacePoint& x, F&& f) noexcept;
+  std::optional<Irradiance> query(const SurfacePoint& x) noexcept;
+  InsertResult insert(const Record& r) noexcept;
+  void asked(const SurfacePoint&, bool) noexcept { ++queries; }
+};
+template void icbench::irradiance_cache_tile<Told>(Told&, RecordSource&, unsigned, Tracer&, const PrimaryHits&,
+                                                   const SampleKey&, const Tile&, Image&, CacheUse&) noexcept;
+"""
+CACHES = ("WaitFree", "PackedWaitFree", "PackedGlobalMutex", "PackedLocalWrite")
+
+
+class TracesOff(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="icbench-traces-")
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        cls.without = cls.folder / "src"
+        shutil.copytree(SOURCES, cls.without)
+        for name, places in TAKEN.items():
+            text = (cls.without / name).read_text()
+            for pattern, instead in places:
+                text, n = re.subn(pattern, instead, text, flags=re.MULTILINE | re.DOTALL)
+                assert n == 1, f"{name}: {pattern} is there {n} times"
+            (cls.without / name).write_text(text)
+
+    def functions(self, text, include):
+        return machine_code.functions(text, include, self.folder, "code")
+
+    def test_the_copy_has_no_word_of_traces(self):
+        for name in TAKEN:
+            self.assertEqual(LEFT.findall((self.without / name).read_text()), [], name)
+
+    def test_a_pass_that_captures_nothing_is_that_without_traces(self):
+        for cache in CACHES:
+            text = PASS.format(cache=cache)
+            real, bare = self.functions(text, SOURCES), self.functions(text, self.without)
+            tiles = [name for name in real if "irradiance_cache_tile" in name or "CachedPass" in name and "4tile" in name]
+            self.assertTrue(tiles, cache)
+            self.assertGreater(sum(len(real[name]) for name in tiles), 500, cache)
+            self.assertEqual(set(real), set(bare), cache)
+            for name, code in real.items():
+                self.assertEqual(code, bare[name], f"{cache}: {name}")
+
+    def test_one_that_captures_is_not(self):
+        real, bare = self.functions(TOLD, SOURCES), self.functions(TOLD, self.without)
+        self.assertNotEqual(real, bare)
+
+
+if __name__ == "__main__":
+    unittest.main()
