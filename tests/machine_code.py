@@ -16,13 +16,14 @@ SOURCES = Path(os.environ.get("SOURCES", ROOT / "src"))
 
 
 def flags():
-    """Compiler and flags that the release build gives a cache, without its precompiled headers and its output."""
+    """Compiler and flags that the release build gives what runs the caches, without its precompiled headers and its
+    output."""
     for entry in json.loads(COMMANDS.read_text()):
-        if entry["file"].endswith("packed_filter.cpp"):
+        if entry["file"].endswith("workload/dispatch.cpp"):
             words = shlex.split(entry["command"])
             break
     else:
-        raise AssertionError(f"{COMMANDS} does not say how packed_filter.cpp is compiled")
+        raise AssertionError(f"{COMMANDS} does not say how workload/dispatch.cpp is compiled")
     while os.path.basename(words[0]) in ("ccache", "sccache"):
         words.pop(0)
     kept, skip = [], False
@@ -31,7 +32,7 @@ def flags():
             skip = False
         elif word in ("-o", "-include", "-MF", "-MT", "-I", "-Xclang"):
             skip = True
-        elif not word.startswith(("-I", "-MD", "-M")) and not word.endswith(".cpp") and "cmake_pch" not in word:
+        elif not word.startswith(("-I", "-MD", "-M")) and not word.endswith((".cpp", ".cxx")) and "cmake_pch" not in word:
             kept.append(word)
     return kept
 

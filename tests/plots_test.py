@@ -16,7 +16,7 @@ import unittest
 
 import numpy as np
 
-from plots_support import (kFewWorkloads, kPlots, InFolder, few_caches, model_caches, model_pareto, model_preempt,
+from plots_support import (kFewWorkloads, kPlots, kRoot, InFolder, few_caches, model_caches, model_pareto, model_preempt,
                            model_repeatability, model_results, model_simulated, model_timeline, read_csv, run,
                            run_afresh, write_results)
 
@@ -476,6 +476,11 @@ class Simulated(InFolder):
         self.good("simulated.py", path, "--out", self.folder)
         for line in read_csv(self.folder / "simulated.csv"):
             self.assertEqual((line["simulated"], line["validated_to_threads"]), ("True", "0"))
+
+    def test_readmes_picture_says_how_far_it_was_validated(self):
+        drawn = (kRoot / "plots/images/simulated.svg").read_text(encoding="utf-8")
+        # matplotlib notes every text beside its outlines.
+        self.assertRegex(drawn, r"<!-- Throughput: simulated, validated to \d+ threads on this machine -->")
 
     def test_measured_rows_are_refused(self):
         done = run("simulated.py", self.results())
