@@ -60,8 +60,8 @@ def this_machine(machines: dict[str, dict], cpuinfo: str = "/proc/cpuinfo") -> s
 
 
 def figures_of(claim: dict, machines: dict[str, dict]) -> dict[str, dict]:
-    """What is claimed of a row, by machine, and the verdict: that of the claim itself first."""
-    own = {"claimed": claim["claimed"], "verdict": claim["verdict"]}
+    """What is claimed of a row, by machine, the verdict, and what another day said: that of the claim itself first."""
+    own = {name: claim[name] for name in ("claimed", "verdict", "also") if name in claim}
     return {claim.get("machine", next(iter(machines))): own, **claim.get("elsewhere", {})}
 
 
@@ -139,7 +139,7 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
                 claimed, verdicts = [], []
                 for machine, told in figures_of(c, machines).items():
                     where = "" if machine == usual else f"{machine}: "
-                    also = f"; another day {c['also']}" if "also" in c and told["claimed"] == c["claimed"] else ""
+                    also = f"; another day {told['also']}" if "also" in told else ""
                     claimed.append(f"{where}{told['claimed']}{also}")
                     verdicts.append(where + {"fail": "**miss**"}.get(told["verdict"], told["verdict"]))
                 claimed, verdict = "; ".join(claimed), "; ".join(verdicts)

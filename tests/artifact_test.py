@@ -28,8 +28,8 @@ def text_of(name):
 
 def texts_of(claim):
     """What the pages say of a row's figures."""
-    others = claim.get("elsewhere", {}).values()
-    return [*(one.get("readme", one["claimed"]) for one in (claim, *others)), *([claim["also"]] if "also" in claim else [])]
+    told = [claim, *claim.get("elsewhere", {}).values()]
+    return [*(one.get("readme", one["claimed"]) for one in told), *(one["also"] for one in told if "also" in one)]
 
 
 class Claims(unittest.TestCase):
