@@ -16,7 +16,7 @@ from pathlib import Path
 import machine_code
 from machine_code import SOURCES
 
-# What headers without traces would not have: what a pass is set up with, who it hands over to, and who is told of queries.
+# What headers without traces would not have: what a pass is set up with, who it hands over to, who is told of queries.
 TAKEN = {
     "workload/cached_pass.h": [
         (r"^class TraceRecorder;\n", ""),

@@ -55,7 +55,8 @@ std::array<double, N> parse_times(std::string_view option, const std::string& te
   for (std::size_t i = 0; i < N; ++i) {
     const char* const last = items[i].data() + items[i].size();
     const auto [end, error] = std::from_chars(items[i].data(), last, out[i]);
-    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6)) throw refused("from 0 to 1e6");
+    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6))
+      throw refused("from 0 to 1e6");
   }
   return out;
 }
@@ -230,16 +231,18 @@ void add_simulate(CLI::App& app) {
       ->type_name("A,B,C");
   CLI::Option* const hand_over =
       simulate
-          ->add_option("--hand-over", o->hand_over,
-                       "Nanoseconds for handing a lock to a thread that sleeps: of the call\nthat wakes it, and "
-                       "until it runs (default: measured, by how long\nit has slept); such rows were not "
-                       "validated")
+          ->add_option(
+              "--hand-over", o->hand_over,
+              "Nanoseconds for handing a lock to a thread that sleeps: of the call\nthat wakes it, and "
+              "until it runs (default: measured, by how long\nit has slept); such rows were not "
+              "validated")
           ->type_name("A,B");
   add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u, "Cores that share a last-level cache");
   add_whole(simulate, "--socket", o->socket_cores, 1u, 8192u, "Cores of a socket");
-  simulate->add_flag("--validate", o->validate,
-                     "Measure, too, with all thread counts that this machine has\n(powers of two and all "
-                     "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %")
+  simulate
+      ->add_flag("--validate", o->validate,
+                 "Measure, too, with all thread counts that this machine has\n(powers of two and all "
+                 "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %")
       ->excludes(hand_over);
   add_whole(simulate, "--repetitions", o->repetitions, 1u, 100'000u, "Of measured points, for --validate");
   simulate->add_option("--out", o->out, "Results (JSON)")->type_name("FILE")->capture_default_str();
