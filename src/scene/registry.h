@@ -36,9 +36,8 @@ struct SceneEntry {
   bool analytic;  ///< its irradiance is known in closed form
   Scene (*make)();
   /// Of a cache whose records are extrapolated by gradients (render/extrapolation.h): one so coarse that its picture
-  /// by virtual point lights hardly differs from one without a cache. In 512 x 384 pixels HDR-VDP (P > 75 %) told fewer
-  /// than 0.33 % apart, by 8,192 of them, but of office by 1,024; of sibenik 0.94 %. 0.1 where it was not tried. All
-  /// but those of bunnies_4 before normals turned farther (kTurnOfVpls).
+  /// by virtual point lights hardly differs from one without a cache: in 512 x 384 pixels HDR-VDP (P > 75 %) told fewer
+  /// than 0.33 % apart, by 8,192 of them (bench/MEASURED.md). 0.1 where it was not tried.
   float accuracy = 0.1f;
 };
 
@@ -63,7 +62,7 @@ inline constexpr std::array kScenes{
     SceneEntry{"conference", "conference room of 32 chairs; a green bunny crosses the table", false,
                conference, 0.15f},
     SceneEntry{"sibenik", "nave, aisles and apse lit by small windows; a yellow box moves through", false,
-               sibenik},
+               sibenik, 0.05f},
     SceneEntry{"office", "desk, swivel chair, bookcase and a window behind venetian blinds", false, office,
                0.07f},
     SceneEntry{"white_furnace", "closed room whose surfaces emit 1 - albedo: radiance 1 everywhere", true,
