@@ -61,6 +61,7 @@ def text(counters):
 
 NAMES = [f"{operation}_{name}" for operation in ("ask", "insert") for name in CACHES]
 
+
 def without_counting(folder):
     """A copy of core and caches in which nothing is counted; returns how many counts there were."""
     found = 0

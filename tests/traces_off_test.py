@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """A render that captures no trace runs the code that it would run if there were no traces: the pass through a cache is
 compiled with the flags of the build against the headers as they are, and against a copy from which every word of traces
-is taken. Then the disassembly of all its functions is compared. As a control, the session that does capture must tell
-the two apart.
+is taken; where a query is told of, a line is left that names the session and does nothing, since it is by that name that
+the closure's members get their order. Then the disassembly of all its functions is compared. As a control, a session
+that is told of queries must tell the two apart.
 
 Environment: that of machine_code.py.
 """
