@@ -6,7 +6,8 @@ or, where a claim holds or does not, a command that shows it. Figures are of the
 names its `machine`; `elsewhere` has those of others, by machine. `seconds` is what it took on the last one that told.
 `readme` has the words of a figure that the pages tell in another form. `quick` are README's claims, which half an hour
 is for; one that takes too long for it says why it is `outside`. A check `needs` a program that not every machine has.
-Rows that share their samples name all of them as `together`.
+Rows that share their samples name all of them as `together`. Rows whose samples take long are measured by `samples` of
+them, six at least, instead of bench/targets' usual eleven.
 tests/artifact_test.py holds them and ARTIFACT.md to it.
 """
 from __future__ import annotations
@@ -107,17 +108,24 @@ def rows_with(claim: dict) -> list[str]:
     return claim.get("together", [claim["row"]])
 
 
+def options_of(claim: dict) -> list[str]:
+    """What bench/targets is asked for the claim's row."""
+    fewer = ["--samples", str(claim["samples"])] if "samples" in claim else []
+    return ["--seconds", str(kSecondsOfRow), *fewer, "--rows", ",".join(rows_with(claim))]
+
+
 def command_of(claim: dict, out: str) -> str:
     if "row" in claim:
-        return f"build/release/bin/targets --seconds {kSecondsOfRow} --rows {','.join(rows_with(claim))}"
+        return shlex.join(["build/release/bin/targets", *options_of(claim)])
     return claim["command"].replace("{out}", out)
 
 
 def time_of(claim: dict) -> str:
     seconds = claim.get("seconds")
+    fewer = f" (`--samples {claim['samples']}`)" if "samples" in claim else ""
     if seconds is None:
-        return "not timed"
-    return f"{seconds} s" if seconds < 120 else f"{seconds / 60:.0f} min"
+        return "not timed" + fewer
+    return (f"{seconds} s" if seconds < 120 else f"{seconds / 60:.0f} min") + fewer
 
 
 def path_of(claim: dict) -> str:
@@ -207,7 +215,7 @@ class Judge:
         start = time.monotonic()
         if start >= deadline:
             raise TimeUp
-        results = self._rows(rows_with(claim), deadline - start) if "row" in claim else \
+        results = self._rows(claim, deadline - start) if "row" in claim else \
             {name: self._check(claim, command)}
         seconds = round((time.monotonic() - start) / len(results), 1)
         for each, result in results.items():
@@ -215,18 +223,18 @@ class Judge:
         self._keep()
         return self.results[name]
 
-    def _rows(self, names: list[str], seconds: float) -> dict[str, dict]:
+    def _rows(self, claim: dict, seconds: float) -> dict[str, dict]:
         answer = self.out / "row.json"
         answer.unlink(missing_ok=True)
         try:
-            done = subprocess.run([self.programs / "targets", "--seconds", str(kSecondsOfRow), "--rows",
-                                   ",".join(names), "--json", answer], capture_output=True, text=True,
-                                  stdin=subprocess.DEVNULL, timeout=None if seconds == math.inf else seconds)
+            done = subprocess.run([self.programs / "targets", *options_of(claim), "--json", answer],
+                                  capture_output=True, text=True, stdin=subprocess.DEVNULL,
+                                  timeout=None if seconds == math.inf else seconds)
         except subprocess.TimeoutExpired:
             raise TimeUp from None
         if done.returncode not in (0, 1):
             said = done.stderr.strip().splitlines() or [f"status {done.returncode}"]
-            raise Refused(f"{','.join(names)}: {said[-1]}")
+            raise Refused(f"{','.join(rows_with(claim))}: {said[-1]}")
         rows = json.loads(answer.read_text(encoding="utf-8"))
         answer.unlink()
         return {row["name"]: {key: row[key] for key in ("median", "low", "high", "samples", "verdict", "why")}

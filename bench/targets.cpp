@@ -21,10 +21,10 @@ struct Options {
   std::string json, rows;
   bool list = false;
   double seconds = 30.0;
+  std::size_t samples = 11;  // before a verdict
   std::uint64_t seed = 1;
 };
 
-constexpr std::size_t kMinimum = 11;  // samples before a verdict
 constexpr std::size_t kMaximum = 2000;
 constexpr std::size_t kHopeless = 11;  // unusable samples, none usable, after which a row is skipped
 
@@ -35,17 +35,17 @@ struct Measured {
   std::string why;
 };
 
-Measured measure(const Row& row, const Machine& machine, double seconds) {
+Measured measure(const Row& row, const Machine& machine, const Options& o) {
   using Clock = std::chrono::steady_clock;
   const auto experiment = row.make(machine);
-  experiment->sample();  // cold
+  if (!experiment->starts_warm()) experiment->sample();
   Measured out;
   std::string unusable;
   std::size_t skipped = 0;
   Verdict verdict = Verdict::undecided;
   // Verdicts are sought at 11, 22, 44, ... samples only: an interval that is looked at after every sample would sooner
   // or later lie on the wrong side by chance.
-  std::size_t next_look = kMinimum;
+  std::size_t next_look = o.samples;
   for (const auto start = Clock::now(); out.ratios.size() < kMaximum;) {
     const Sample sample = experiment->sample();
     if (sample.not_usable.empty()) {
@@ -60,31 +60,31 @@ Measured measure(const Row& row, const Machine& machine, double seconds) {
       verdict = decide(out.interval, row.relation, row.target);
       if (verdict != Verdict::undecided) break;
     }
-    const bool time_up = std::chrono::duration<double>(Clock::now() - start).count() > seconds;
-    // Fewer than kMinimum samples say nothing: they are waited for, unless the machine does not yield them.
-    const bool enough = out.ratios.size() >= kMinimum || skipped > 0;
+    const bool time_up = std::chrono::duration<double>(Clock::now() - start).count() > o.seconds;
+    // Fewer samples than asked for say nothing: they are waited for, unless the machine does not yield them.
+    const bool enough = out.ratios.size() >= o.samples || skipped > 0;
     if (time_up ? enough : out.ratios.empty() && skipped >= kHopeless) break;
   }
-  if (verdict == Verdict::undecided && out.ratios.size() >= kMinimum) {
+  if (verdict == Verdict::undecided && out.ratios.size() >= o.samples) {
     out.interval = bootstrap_median(out.ratios, machine.seed);
     verdict = decide(out.interval, row.relation, row.target);
   }
   out.verdict = to_string(verdict);
-  if (out.ratios.size() < kMinimum && skipped > 0) {
+  if (out.ratios.size() < o.samples && skipped > 0) {
     out.verdict = "skipped";
     out.why = unusable;
   } else if (verdict == Verdict::undecided) {
-    out.why = fmt::format("the interval still holds the target after {:.0f} s", seconds);
+    out.why = fmt::format("the interval still holds the target after {:.0f} s", o.seconds);
   } else if (skipped > 0) {
     out.why = fmt::format("{} further samples did not count: {}", skipped, unusable);
   }
   return out;
 }
 
-nlohmann::ordered_json to_json(const Row& row, const Measured& m) {
+nlohmann::ordered_json to_json(const Row& row, const Measured& m, std::size_t least) {
   nlohmann::ordered_json j = {
       {"name", row.name}, {"what", row.what}, {"relation", to_string(row.relation)}, {"target", row.target}};
-  if (m.ratios.size() >= kMinimum) {
+  if (m.ratios.size() >= least) {
     j["median"] = median(m.ratios);
     j["low"] = m.interval.low;
     j["high"] = m.interval.high;
@@ -144,16 +144,16 @@ int run(const Options& o) {
     std::exception_ptr error;
     std::thread([&] {
       try {
-        m = measure(*row, {topology, work, o.seed}, o.seconds);
+        m = measure(*row, {topology, work, o.seed}, o);
       } catch (...) {
         error = std::current_exception();
       }
     }).join();
     if (error) std::rethrow_exception(error);
-    json.push_back(to_json(*row, m));
+    json.push_back(to_json(*row, m, o.samples));
     failed |= m.verdict == "fail";
     const std::string figures =
-        m.ratios.size() < kMinimum
+        m.ratios.size() < o.samples
             ? fmt::format("{:>8} {:>19}", "-", "-")
             : fmt::format("{:>8.3f} {:>19}", median(m.ratios),
                           fmt::format("[{:.3f}, {:.3f}]", m.interval.low, m.interval.high));
@@ -176,9 +176,13 @@ int main(int argc, char** argv) {
   app.add_option("--rows", o.rows, "Only these rows, separated by commas");
   app.add_flag("--list", o.list, "Print name, target and meaning of the rows; measure nothing");
   app.add_option("--seconds", o.seconds,
-                 "Time for a row that stays undecided; one that has fewer than\n11 samples by then goes on "
-                 "until it has")
+                 "Time for a row that stays undecided; one that has fewer than\n--samples by then goes on "
+                 "until it has them")
       ->check(CLI::Range(1.0, 1e5))
+      ->capture_default_str();
+  // Of fewer than six samples no interval is a 95 % one: bootstrap_median.
+  app.add_option("--samples", o.samples, "Samples of a row before a verdict is sought")
+      ->check(CLI::Range(std::size_t{6}, icbench::kMaximum))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
   try {

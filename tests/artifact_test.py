@@ -202,6 +202,18 @@ class Judging(unittest.TestCase):
         self.assertEqual(self.calls.read_text().split(), [",".join(rows)])
         self.assertEqual(done.stdout.count("0.060 [0.050, 0.070]"), 3)
 
+    def test_rows_whose_samples_take_long_are_measured_by_fewer(self):
+        claim = {"row": "checker_speed", "samples": 7, "seconds": 300}
+        self.assertEqual(claims.command_of(claim, "out"),
+                         "build/release/bin/targets --seconds 10 --samples 7 --rows checker_speed")
+        self.assertEqual(claims.time_of(claim), "5 min (`--samples 7`)")
+        # The stand-in answers with what it was asked.
+        (self.folder / "bin/targets").write_text(
+            "#!/bin/sh\nwhile [ $# -gt 0 ]; do case $1 in --json) json=$2;; --samples) n=$2;; esac; shift; done\n"
+            'echo "[{\\"name\\": \\"checker_speed\\", \\"median\\": 1, \\"low\\": 1, \\"high\\": 1, '
+            '\\"samples\\": $n, \\"verdict\\": \\"pass\\", \\"why\\": \\"\\"}]" >"$json"\n')
+        self.assertEqual(claims.Judge(self.folder, self.folder / "bin").measured(claim)["samples"], 7)
+
     def test_what_the_machine_did_not_yield_is_measured_again(self):
         row = "wait_free_read_only_scaling"
         nothing = {"median": None, "low": None, "high": None, "verdict": "skipped", "why": "not idle"}

@@ -68,6 +68,7 @@ class TemporalVisible : public Experiment {
     instant.render(kLast);
     return {hdrvdp(instant.picture(), temporal.picture(), nullptr, {}).front().value};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   static constexpr std::uint32_t kLast = 5;

@@ -26,6 +26,7 @@ class CachedMeanRatio : public Experiment {
     if (!o.error.empty()) throw std::runtime_error(o.error);
     return {o.mean_ratio};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   static constexpr std::uint32_t kReferenceSpp = 1024;

@@ -175,6 +175,7 @@ class RecordsAtEqualError : public Judged {
     }
     return {records / split.records};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   static constexpr std::array kAccuracies{1.0f, 0.7f, 0.5f, 0.35f, 0.25f, 0.18f, 0.13f, 0.09f};
@@ -308,6 +309,7 @@ class MeanOff : public Judged {
     }
     return {std::fabs(off)};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   std::string_view scene_;
@@ -331,6 +333,7 @@ class BlockError : public Judged {
       truth.pixels[i] += reference_.indirect.pixels[i] - renderer.indirect().pixels[i];
     return {block_rmse(truth, picture, nullptr).front().value};
   }
+  bool starts_warm() const override { return true; }
 };
 
 class FurnaceMean : public Experiment {
@@ -349,6 +352,7 @@ class FurnaceMean : public Experiment {
     const double mean = sum / (3.0 * static_cast<double>(renderer.indirect().pixels.size()));
     return {mean / kTruth};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   Stage stage_;

@@ -50,6 +50,8 @@ class Experiment {
  public:
   virtual ~Experiment() = default;
   virtual Sample sample() = 0;
+  /// Whether the first sample is as good as the others: where no time is taken, or what is timed runs cold beforehand.
+  virtual bool starts_warm() const { return false; }
 };
 
 struct Row {

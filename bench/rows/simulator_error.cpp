@@ -34,6 +34,7 @@ class SimulatorError : public Experiment {
     while (validations().size() <= next_) validate();
     return {validations()[next_++].*figure_};
   }
+  bool starts_warm() const override { return true; }
 
  private:
   void validate() {
