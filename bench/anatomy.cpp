@@ -11,15 +11,21 @@
 //   told              what is left when the valid records are known beforehand
 //
 // Beside it the latency of memory, what a load costs that waits for the one before, in blocks of several sizes: from the
-// smallest it is that of a near cache, from the largest that of memory itself.
+// smallest it is that of a near cache, from the largest that of memory itself; and two roofs over whatever one thread
+// does: the lines a nanosecond that memory gives it, and the instructions a nanosecond that it executes.
 //
 // Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what
 // counts. Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a
 // query reads, lists that it looks into, items (records, or copies) that it tests there, records_read whole, and how
-// many of them are valid; and, for one point, which records these are (`example`). Of memory: block_bytes, ns_per_load.
+// many of them are valid; and, for one point, which records these are (`example`). Of memory: block_bytes, ns_per_load;
+// of the roofs lines_per_ns, instructions_per_ns.
+//
+// --counting measures no time: it asks every structure the same queries once, for bench/instructions to count what they
+// execute.
 //
 // Exit status: 0 done, 2 bad usage.
 #include <fmt/format.h>
+#include <valgrind/callgrind.h>
 
 #include <CLI/CLI.hpp>
 #include <numeric>
@@ -28,7 +34,7 @@
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/results.h"
-#include "pointer_chase.h"
+#include "roofs.h"
 #include "rows/read_only_structures.h"
 
 namespace icbench {
@@ -144,8 +150,8 @@ class Part {
   explicit Part(std::string name) : name_(std::move(name)) {}
   virtual ~Part() = default;
   const std::string& name() const noexcept { return name_; }
-  /// Of kTimedQueries queries.
-  virtual double seconds_of_queries(std::uint32_t first) = 0;
+  /// At so many points from number `first` on, round and round.
+  virtual void ask(std::uint32_t first, std::uint32_t queries) = 0;
   double checksum() const noexcept { return checksum_; }
 
  protected:
@@ -160,9 +166,9 @@ class Single : public Part {
  public:
   Single(std::string name, const SyntheticPlan& plan)
       : Part(std::move(name)), points_(plan.points()), cache_(plan) {}
-  double seconds_of_queries(std::uint32_t first) override {
+  void ask(std::uint32_t first, std::uint32_t queries) override {
     auto&& session = cache_.session();
-    return query_seconds(session, points_, first, checksum_);
+    ask_queries(session, points_, first, queries, checksum_);
   }
 
  private:
@@ -170,16 +176,16 @@ class Single : public Part {
   Filled<Cache> cache_;
 };
 
-/// query_seconds asks for one point after the other: it is given the answers of batches.
+/// ask_queries asks for one point after the other: it is given the answers of batches.
 template <class Cache>
 class Batched : public Part {
  public:
   Batched(std::string name, const SyntheticPlan& plan)
       : Part(std::move(name)), points_(plan.points()), cache_(plan) {}
-  double seconds_of_queries(std::uint32_t first) override {
+  void ask(std::uint32_t first, std::uint32_t queries) override {
     auto&& session = cache_.session();
     InBatches asked{session, points_, {}, 0};
-    return query_seconds(asked, points_, first, checksum_);
+    ask_queries(asked, points_, first, queries, checksum_);
   }
 
  private:
@@ -210,14 +216,50 @@ struct Options {
   std::uint32_t records = 100'000;
   unsigned repetitions = 25;
   std::uint64_t seed = 1;
+  bool counting = false;
 };
 
 struct Order {
   std::string_view name, workload;
+
+  SyntheticPlan plan(const Options& o, const RayTracer& rays) const {
+    return SyntheticPlan(parse_workload(fmt::format("{}:records={}", workload, o.records)), rays, o.seed);
+  }
 };
 constexpr Order kOrders[] = {{"random", "read_only"}, {"coherent", "read_only:order=coherent"}};
 
+/// What is compared, each with the records of `plan` in it.
+std::vector<std::unique_ptr<Part>> all_parts(const SyntheticPlan& plan) {
+  using PackedScalar = Direct<Packed<StdSync, AtFirstSight, ScalarLanes>>;
+  std::vector<std::unique_ptr<Part>> parts;
+  parts.push_back(std::make_unique<Single<WaitFree<>>>("wait_free", plan));
+  parts.push_back(std::make_unique<Single<ReplicatedOctree>>("replicated", plan));
+  parts.push_back(std::make_unique<Single<PackedScalar>>("packed_scalar", plan));
+  parts.push_back(std::make_unique<Single<PackedWaitFree<>>>("packed_wait_free", plan));
+  parts.push_back(std::make_unique<Batched<PackedWaitFree<>>>("packed_batch", plan));
+  parts.push_back(std::make_unique<Single<PackedFrozen>>("packed_frozen", plan));
+  parts.push_back(std::make_unique<Single<ToldRecords>>("told", plan));
+  return parts;
+}
+
+void check(double checksum) {
+  if (!std::isfinite(checksum)) throw std::runtime_error("a query answered with what is no number");
+}
+
 constexpr std::size_t kBlocks[] = {1u << 20, 4u << 20, 16u << 20, 64u << 20, 256u << 20};
+
+/// A row of what the machine does while nothing is asked: `items` in `ns`.
+void add_row(ResultsWriter& results, const Options& o, std::string name, unsigned repetition, double ns,
+             double items, Json counters) {
+  Entry entry;
+  entry.name = std::move(name);
+  entry.repetitions = o.repetitions;
+  entry.repetition_index = repetition;
+  entry.real_time = entry.cpu_time = ns * 1e-6;
+  entry.items_per_second = 1e9 * items / ns;
+  entry.counters = std::move(counters);
+  results.add(entry);
+}
 
 /// What a load costs in blocks of each size.
 void measure_memory(const Options& o, ResultsWriter& results) {
@@ -226,19 +268,31 @@ void measure_memory(const Options& o, ResultsWriter& results) {
     std::vector<double> ns;
     for (unsigned repetition = 0; repetition < o.repetitions; ++repetition) {
       ns.push_back(chase.ns_per_load());
-      Entry entry;
-      entry.name = fmt::format("anatomy/memory/{}MiB", bytes >> 20);
-      entry.repetitions = o.repetitions;
-      entry.repetition_index = repetition;
-      entry.real_time = entry.cpu_time = ns.back() * PointerChase::kLoads * 1e-6;
-      entry.items_per_second = 1e9 / ns.back();
-      entry.counters = Json{{"block_bytes", bytes}, {"ns_per_load", ns.back()}};
-      results.add(entry);
+      add_row(results, o, fmt::format("anatomy/memory/{}MiB", bytes >> 20), repetition,
+              ns.back() * PointerChase::kLoads, PointerChase::kLoads,
+              Json{{"block_bytes", bytes}, {"ns_per_load", ns.back()}});
     }
     if (chase.at() >= bytes) throw std::runtime_error("a chase through memory has left it");
     fmt::print("{:<10} {:<18} {:>9.1f} ns a load\n", "memory", fmt::format("{} MiB", bytes >> 20),
                median(ns));
   }
+}
+
+/// What one thread gets at most: cache lines from a block that no cache holds, and instructions.
+void measure_roofs(const Options& o, ResultsWriter& results) {
+  ScatteredLoads loads(kBlocks[std::size(kBlocks) - 1]);
+  std::vector<double> lines, instructions;
+  for (unsigned repetition = 0; repetition < o.repetitions; ++repetition) {
+    lines.push_back(loads.lines_per_ns());
+    instructions.push_back(instructions_per_ns());
+    add_row(results, o, "anatomy/roof/lines", repetition, ScatteredLoads::kLoads / lines.back(),
+            ScatteredLoads::kLoads, Json{{"lines_per_ns", lines.back()}});
+    add_row(results, o, "anatomy/roof/instructions", repetition, kRoofInstructions / instructions.back(),
+            kRoofInstructions, Json{{"instructions_per_ns", instructions.back()}});
+  }
+  if (loads.sum() == 0) throw std::runtime_error("loads from memory found nothing");
+  fmt::print("{:<10} {:<18} {:>9.3f} a ns\n{:<10} {:<18} {:>9.2f} a ns\n", "roof", "lines", median(lines), "roof",
+             "instructions", median(instructions));
 }
 
 void run(const Options& o, const std::vector<std::string>& command_line) {
@@ -260,22 +314,14 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   Progress progress("anatomy", static_cast<double>(1 + std::size(kOrders) * (o.repetitions + 1)));
   const RayTracer rays(make_scene("cornell_box"));
   measure_memory(o, results);
+  measure_roofs(o, results);
   progress.advance(1.0, "memory");
   fmt::print("{:<10} {:<18} {:>9} {:>12} {:>8} {:>14}\n", "points", "structure", "ns/query", "cache lines",
              "tested", "records read");
   for (const Order& order : kOrders) {
-    const std::string workload = fmt::format("{}:records={}", order.workload, o.records);
-    const SyntheticPlan plan(parse_workload(workload), rays, o.seed);
+    const SyntheticPlan plan = order.plan(o, rays);
     const std::size_t example = usual_point(plan);
-    using PackedScalar = Direct<Packed<StdSync, AtFirstSight, ScalarLanes>>;
-    std::vector<std::unique_ptr<Part>> parts;
-    parts.push_back(std::make_unique<Single<WaitFree<>>>("wait_free", plan));
-    parts.push_back(std::make_unique<Single<ReplicatedOctree>>("replicated", plan));
-    parts.push_back(std::make_unique<Single<PackedScalar>>("packed_scalar", plan));
-    parts.push_back(std::make_unique<Single<PackedWaitFree<>>>("packed_wait_free", plan));
-    parts.push_back(std::make_unique<Batched<PackedWaitFree<>>>("packed_batch", plan));
-    parts.push_back(std::make_unique<Single<PackedFrozen>>("packed_frozen", plan));
-    parts.push_back(std::make_unique<Single<ToldRecords>>("told", plan));
+    const std::vector<std::unique_ptr<Part>> parts = all_parts(plan);
     std::map<std::string, Json> read;
     read["wait_free"] = what_is_read<WardTree<NotedSync>>(plan, example);
     read["packed_wait_free"] = read["packed_scalar"] =
@@ -291,7 +337,9 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
       const std::uint32_t first = random.below(static_cast<std::uint32_t>(plan.points().size()));
       for (const std::size_t i : turn) {
         Part& part = *parts[i];
-        const double wall = part.seconds_of_queries(first);
+        part.ask(first, kQueriesBefore);
+        const auto next = static_cast<std::uint32_t>((first + kQueriesBefore) % plan.points().size());
+        const double wall = seconds([&] { part.ask(next, kTimedQueries); });
         const double each = wall / kTimedQueries * 1e9;
         ns[part.name()].push_back(each);
         Entry entry;
@@ -322,10 +370,30 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
       fmt::print("{:<10} {:<18} {:>9.0f} {:>12} {:>8} {:>14}\n", order.name, part->name(),
                  median(ns[part->name()]), figure("cache_lines"), figure("items"), figure("records_read"));
     }
-    if (!std::isfinite(checksum)) throw std::runtime_error("a query answered with what is no number");
+    check(checksum);
   }
   results.finish();
   progress.finish();
+}
+
+/// Has callgrind count what the queries to each structure execute, into a file each, and says which these are, in their
+/// order. It looks at nothing else, which would take it too long.
+void count(const Options& o) {
+  if (!RUNNING_ON_VALGRIND) throw std::runtime_error("nobody counts: call bench/instructions");
+  const RayTracer rays(make_scene("cornell_box"));
+  for (const Order& order : kOrders) {
+    const SyntheticPlan plan = order.plan(o, rays);
+    for (const auto& part : all_parts(plan)) {
+      CALLGRIND_START_INSTRUMENTATION;
+      part->ask(0, kQueriesBefore);
+      CALLGRIND_ZERO_STATS;
+      part->ask(static_cast<std::uint32_t>(kQueriesBefore % plan.points().size()), kTimedQueries);
+      CALLGRIND_DUMP_STATS;
+      CALLGRIND_STOP_INSTRUMENTATION;
+      check(part->checksum());
+      fmt::print("{} {} {}\n", order.name, part->name(), kTimedQueries);
+    }
+  }
 }
 
 }  // namespace
@@ -343,9 +411,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1u, 100'000u))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
+  app.add_flag("--counting", o.counting, "Measure no time: ask each structure once, for bench/instructions");
   try {
     app.parse(argc, argv);
-    icbench::run(o, {argv, argv + argc});
+    o.counting ? icbench::count(o) : icbench::run(o, {argv, argv + argc});
     return 0;
   } catch (const CLI::Success& e) {
     return app.exit(e);

@@ -6,7 +6,7 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
-from anatomy_results import kParts, kPoints, kReads, memory, points
+from anatomy_results import bounds, kParts, kPoints, kReads, memory, name_of, points, roofs
 from pareto_results import Measured
 from tables import interval, note_line, table, text
 
@@ -70,6 +70,47 @@ def waits(latency: pd.DataFrame) -> str:
             "that is memory twice, whatever is computed in between; at points of an image most of it is at hand.</p>")
 
 
+def limits(measured: Measured) -> str:
+    """What is asked of a packed query, and whether the machine has room for it."""
+    asked, roof = bounds(measured), roofs(measured)
+    if asked.empty:
+        return ""
+    head = ('<th>asked for</th><th class="n">may take, ns</th><th class="n">takes, ns</th>'
+            '<th class="n">room for instructions</th><th class="n">executes</th><th class="n">told, it executes</th>'
+            "<th>what stands against it</th>")
+    lines = []
+    for _, line in asked.iterrows():
+        other = name_of(line["other"])
+        if line["asked"] >= 1:
+            what = f"{style.number(line['asked'])} times as fast as {other}"
+        else:
+            what = f"at most {style.number(1 / line['asked'])} times as long as {other}"
+        if line["ns"] <= line["ns_asked"]:
+            why = "nothing: it is reached"
+        elif line["instructions"] > line["room"]:
+            why = "its instructions alone, though none waited for another or for memory"
+            if line["ns_told"] > line["ns_asked"]:
+                why += "; and a query that is told the valid records takes longer, too"
+        elif line["ns_told"] > line["ns_asked"]:
+            why = "a query that is told the valid records takes longer, too"
+        else:
+            why = ("waiting: it executes "
+                   f"{style.number(line['instructions'] / line['ns'])} of "
+                   f"{style.number(roof['instructions_per_ns'])} instructions a nanosecond")
+        lines.append(f"<tr><td>{text(what)}<span class=\"under\">{text(kPoints.get(line['points'], line['points']))}"
+                     "</span></td>" + "".join(f'<td class="n">{style.number(line[n])}</td>' for n in
+                                              ("ns_asked", "ns", "room", "instructions", "instructions_told"))
+                     + f"<td>{text(why)}</td></tr>")
+    counted = measured.contexts[0].get("counted") or {}
+    size = f"{style.number(counted['last_level_bytes'] / 2**20)} MiB" if "last_level_bytes" in counted else "unknown size"
+    note = note_line(f"Instructions and lines from memory are counted by {counted.get('tool', 'callgrind')}, lines with "
+                     f"a last level of {size}. One thread of this machine executes "
+                     f"{style.number(roof['instructions_per_ns'])} instructions a nanosecond at most, as measured by "
+                     "additions and loads from the nearest cache, and gets "
+                     f"{style.number(roof['lines_per_ns'])} scattered cache lines a nanosecond from memory")
+    return f"<h3>What is asked of a query, and what there is room for</h3>{table(head, lines, 'wide')}{note}"
+
+
 def numbers(everything: pd.DataFrame) -> str:
     """A line for every structure."""
     made = ""
@@ -96,7 +137,7 @@ def section(measured: Measured, anchor: str, figures: str) -> str:
     if not measured.complete:
         made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
     records = int(everything["records"].max())
-    made += sentences(everything) + figures + waits(memory(measured)) + numbers(everything)
+    made += sentences(everything) + figures + waits(memory(measured)) + limits(measured) + numbers(everything)
     made += note_line(f"Median [low, high] over {style.plural(int(everything['n'].max()), 'repetition')}; {records:,} "
                       "records in Cornell box, one thread, read-only. What is read is a mean over all points; a dash: "
                       "not counted, since it is no cache")

@@ -23,9 +23,15 @@ kParts = {
     "packed_frozen": ("frozen", "what is left when nothing can change any more"),
     "told": ("told", "what is left when the valid records are known beforehand: reading, weighing and adding them"),
 }
-# Means over all points of what one query reads: field, name.
+# Means over all points of what one query reads and executes: field, name. The last two are bench/instructions'.
 kReads = {"cache_lines": "cache lines", "lists": "lists looked into", "items": "records or copies tested",
-          "records_read": "whole records read", "records_valid": "valid records"}
+          "records_read": "whole records read", "records_valid": "valid records", "instructions": "instructions",
+          "lines_from_memory": "lines from memory"}
+# What one thread gets of the machine at most, a nanosecond.
+kRoofs = ("instructions_per_ns", "lines_per_ns")
+# How many times as fast as a query to another structure bench/targets asks a packed one to be, by order of points.
+kAsked = {"wait_free": {"random": 12.0, "coherent": 12.0}, "replicated": {"random": 3.0, "coherent": 3.0},
+          "packed_scalar": {"random": 3.0, "coherent": 3.3}, "packed_frozen": {"random": 1 / 1.25, "coherent": 1 / 1.4}}
 kPoints = {"random": "random points", "coherent": "points of an image"}
 kKeys = ["points", "part"]
 
@@ -34,7 +40,7 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
     context, rows = read_rows(path, "anatomy", kFiles, (*kKeys, "ns_per_query", "records"))
     for name in {*kReads, "ns_per_query", "records", "bytes_per_record", "repetition_index"} & set(rows):
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
-    for name in {"block_bytes", "ns_per_load"} & set(rows):
+    for name in {"block_bytes", "ns_per_load", *kRoofs} & set(rows):
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
     if not (rows["ns_per_query"] > 0).any():
         raise InputError(f"{path}: no row has a time")
@@ -68,6 +74,40 @@ def memory(measured: Measured) -> pd.DataFrame:
         return pd.DataFrame(columns=["block_bytes", "median", "low", "high"])
     rows = measured.rows[measured.rows["ns_per_load"] > 0]
     return summarise(rows, ["block_bytes"], "ns_per_load").sort_values("block_bytes").reset_index(drop=True)
+
+
+def roofs(measured: Measured) -> dict[str, float]:
+    """Medians of kRoofs; empty unless all were measured."""
+    if not set(kRoofs) <= set(measured.rows):
+        return {}
+    found = {name: measured.rows[name].median() for name in kRoofs}
+    return found if all(value > 0 for value in found.values()) else {}
+
+
+def bounds(measured: Measured) -> pd.DataFrame:
+    """One line for every figure asked of a packed query: the time it may take and takes, ns; the instructions that have
+    room in it at most, those that it executes, and those of a query that is told the valid records; and the least time,
+    ns, for its instructions alone and for its lines from memory alone. Empty where these were not counted.
+    """
+    roof, table, lines = roofs(measured), points(measured), []
+    if not roof or not {"instructions", "lines_from_memory"} <= set(table):
+        return pd.DataFrame()
+    for name, part in table.groupby("points", sort=False):
+        known = part.set_index("part")
+        if not {"packed_wait_free", "told"} <= set(known.index) or known["instructions"].isna().any():
+            continue
+        packed, told = known.loc["packed_wait_free"], known.loc["told"]
+        for other, asked in kAsked.items():
+            if other not in known.index or name not in asked:
+                continue
+            ns_asked = known.loc[other, "ns"] / asked[name]
+            lines.append({"points": name, "other": other, "asked": asked[name], "ns_asked": ns_asked,
+                          "ns": packed["ns"], "room": ns_asked * roof["instructions_per_ns"],
+                          "instructions": packed["instructions"], "instructions_told": told["instructions"],
+                          "ns_told": told["ns"],
+                          "ns_of_instructions": packed["instructions"] / roof["instructions_per_ns"],
+                          "ns_of_lines": packed["lines_from_memory"] / roof["lines_per_ns"]})
+    return pd.DataFrame(lines)
 
 
 def name_of(part: str) -> str:

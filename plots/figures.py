@@ -1,5 +1,6 @@
 """The figures of the report, in its order. A new figure is one file and one entry here."""
 import anatomy_map
+import anatomy_roofline
 import anatomy_time
 import cas_failures
 import contention_map
@@ -39,7 +40,7 @@ PARETO_FIGURES = [pareto.FIGURE]
 # Of what icbench repeatability measured.
 REPEATABILITY_FIGURES = [repeatability.FIGURE]
 # Of what bench's anatomy measured.
-ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE]
+ANATOMY_FIGURES = [anatomy_time.FIGURE, anatomy_map.FIGURE, anatomy_roofline.FIGURE]
 # Of two runs.
 COMPARISON_FIGURES = [run_differences.FIGURE]
 # Of one change, and of one version, on several machines.

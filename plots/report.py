@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shlex
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from string import Template
 
@@ -178,17 +183,33 @@ def _figure(heading: str, done: Written, prefix: str, out: Path) -> str:
             f"<code>{text(done.csv.relative_to(out))}</code></p>")
 
 
+_now: tuple[list, object, Path] = ([], None, Path())  # figures, of what, into which folder: what forks inherit
+
+
+def _draw_one(number: int) -> Written | Omitted:
+    figures, setup, folder = _now
+    try:
+        return replace(write(figures[number], setup, folder), figure=None)  # it may not be one that can be sent
+    except Omitted as why:
+        return why
+
+
 def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]:
-    """All of `figures`, and a line for each that is left out."""
+    """All of `figures`, side by side on the processors that there are, and a line for each that is left out."""
+    global _now
+    _now = figures, setup, folder
+    workers = min(len(figures), len(os.sched_getaffinity(0)))
     drawn, left_out = [], []
-    for figure in figures:
-        print(f"figure {figure.name}: ", end="", flush=True)
-        try:
-            drawn.append(write(figure, setup, folder))
-            print("done")
-        except Omitted as why:
-            left_out.append(f"{figure.title}: left out, {why}")
-            print(f"left out, {why}")
+    sys.stdout.flush()  # or forks would say it again
+    with ProcessPoolExecutor(workers, get_context("fork")) if workers > 1 else nullcontext() as pool:
+        outcomes = (pool.map if pool else map)(_draw_one, range(len(figures)))
+        for figure, outcome in zip(figures, outcomes):
+            if isinstance(outcome, Omitted):
+                left_out.append(f"{figure.title}: left out, {outcome}")
+                print(f"figure {figure.name}: left out, {outcome}", flush=True)
+            else:
+                drawn.append(replace(outcome, figure=figure))
+                print(f"figure {figure.name}: done", flush=True)
     return drawn, left_out
 
 

@@ -517,7 +517,7 @@ class Anatomy(InFolder):
         self.good("report.py", small, "--out", self.folder / "out")
         page = (self.folder / "out/report.html").read_text(encoding="utf-8")
         self.assertIn('<a href="#anatomy">Why the winner wins</a>', page)
-        for figure in ("anatomy_time", "anatomy_map"):
+        for figure in ("anatomy_time", "anatomy_map", "anatomy_roofline"):
             self.assertIn(f"<code>figures/{figure}.pdf</code>", page)
 
     def test_the_page_says_what_each_step_is_worth_and_what_bounds_it(self):
@@ -534,6 +534,37 @@ class Anatomy(InFolder):
         without = model_anatomy()
         without["benchmarks"] = [row for row in without["benchmarks"] if "block_bytes" not in row]
         self.assertNotIn("from a block of", self.page(without))
+
+    def test_the_page_says_what_stands_against_what_is_asked(self):
+        # Asked: 2000 / 12 ns, in which 8 instructions a nanosecond are 1,333, and 800 / 3, which are 2,133; 700 / 3;
+        # 1.25 * 380, which 400 ns are within.
+        page = self.page(model_anatomy())
+        for what, cells in (("12.0 times as fast as Ward&#x27;s structure", ["167", "400", "1,333", "1,000", "250"]),
+                            ("3.00 times as fast as one path", ["267", "400", "2,133", "1,000", "250"]),
+                            ("at most 1.25 times as long as frozen", ["475", "400", "3,800", "1,000", "250"])):
+            line = re.search(rf"<tr><td>{re.escape(what)}<span class=\"under\">random points</span></td>(.*?)</tr>", page)
+            self.assertIsNotNone(line, what)
+            self.assertEqual(re.findall(r'<td class="n">(.*?)</td>', line[1]), cells)
+        self.assertIn("waiting: it executes 2.50 of 8.00 instructions a nanosecond", page)
+        self.assertIn("nothing: it is reached", page)
+        self.assertIn("counted by valgrind-3.19.0, lines with a last level of 4.00 MiB", page)
+        # Where instructions have no room, and where those who know the records beforehand take as long.
+        for part, change, why in (("packed_wait_free", {"instructions": 1400.0}, "its instructions alone"),
+                                  ("told", {"ns_per_query": 200.0}, "a query that is told the valid records takes longer")):
+            data = model_anatomy()
+            for row in data["benchmarks"]:
+                if row.get("part") == part:
+                    row |= {name: value for name, value in change.items() if name in row}
+            self.assertIn(why, self.page(data))
+            self.assertNotIn(why, page)
+
+    def test_where_nothing_was_counted_the_page_says_nothing_of_instructions(self):
+        data = model_anatomy()
+        for row in data["benchmarks"]:
+            row.pop("instructions", None)
+        self.assertNotIn("there is room for", self.page(data))
+        path = write_results(self.folder / "anatomy.json", data)
+        self.assertIn("bench/instructions counts them", self.good("anatomy_roofline.py", path, "--out", self.folder))
 
     def test_the_map_leaves_nothing_out_of_its_table(self):
         path = write_results(self.folder / "anatomy.json", model_anatomy())

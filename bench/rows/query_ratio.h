@@ -27,26 +27,31 @@ class Filled {
   Cache cache_;
 };
 
-/// Wall time of kTimedQueries queries to `asked`, something with `query`, at `points` from number `first` on, round and
-/// round; adds to `checksum`. What was asked last is warm: so it is first asked at the points before, untimed, until
-/// the processor's caches hold of it what they hold when nothing else is asked. Long against the clock, short against
-/// the machine's drift. A query to the largest structure reads some 20 cache lines, so that those before the clock
-/// starts replace what a few tens of megabytes hold.
+/// Asks `asked`, something with `query`, at `queries` of `points` from number `first` on, round and round; adds to
+/// `checksum` what keeps the answers from being left out. Where the next would be.
+template <class Asked>
+std::uint32_t ask_queries(Asked& asked, std::span<const SurfacePoint> points, std::uint32_t first,
+                          std::uint32_t queries, double& checksum) {
+  std::uint32_t next = first;
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < queries; ++i) {
+    if (const auto E = asked.query(points[next])) sum += E->x;
+    if (++next == points.size()) next = 0;
+  }
+  checksum += sum;
+  return next;
+}
+
+/// Wall time of kTimedQueries queries to `asked` from number `first` on. What was asked last is warm: so it is first
+/// asked at the points before, untimed, until the processor's caches hold of it what they hold when nothing else is
+/// asked. Long against the clock, short against the machine's drift. A query to the largest structure reads some 20
+/// cache lines, so that those before the clock starts replace what a few tens of megabytes hold.
 inline constexpr std::uint32_t kTimedQueries = 16'000, kQueriesBefore = 24'000;
 template <class Asked>
 double query_seconds(Asked& asked, std::span<const SurfacePoint> points, std::uint32_t first,
                      double& checksum) {
-  std::uint32_t next = first;
-  const auto ask = [&](std::uint32_t queries) {
-    double sum = 0.0;
-    for (std::uint32_t i = 0; i < queries; ++i) {
-      if (const auto E = asked.query(points[next])) sum += E->x;
-      if (++next == points.size()) next = 0;
-    }
-    checksum += sum;
-  };
-  ask(kQueriesBefore);
-  return seconds([&] { ask(kTimedQueries); });
+  const std::uint32_t next = ask_queries(asked, points, first, kQueriesBefore, checksum);
+  return seconds([&] { ask_queries(asked, points, next, kTimedQueries, checksum); });
 }
 
 /// Both caches hold the same records; a sample asks both at the same points, one after the other. `Above` and `Below`:

@@ -100,7 +100,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   Progress progress("validate", static_cast<double>(simulation.points().size()) * (o.repetitions + 1));
   std::vector<ComparedPoint> points;
   try {
-    points = compare_in_rounds(simulation, topology, o.repetitions,
+    points = compare_in_rounds(simulation, topology, o.repetitions, false,
                                [&](const std::string& name) { progress.advance(1, name); });
   } catch (const InvalidTrial& e) {
     throw CheckFailed(e.what());

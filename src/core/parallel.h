@@ -78,8 +78,9 @@ void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
       if (!exception.guard([&] { f(begin, std::min(begin + grain, n)); })) return;
     }
   };
-  const std::size_t workers =
-      std::min<std::size_t>(n / grain, std::max(1u, std::thread::hardware_concurrency()));
+  std::size_t workers = n / grain;
+  if (workers > 1)  // to count the processors takes longer than a few chunks
+    workers = std::min<std::size_t>(workers, std::max(1u, std::thread::hardware_concurrency()));
   {
     std::vector<std::jthread> helpers;
     for (std::size_t i = 1; i < workers && start(helpers, work); ++i) {

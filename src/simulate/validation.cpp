@@ -63,7 +63,7 @@ std::vector<unsigned> validated_cores(const Topology& topology) {
 }
 
 std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
-                                             unsigned rounds,
+                                             unsigned rounds, bool is_warm,
                                              const std::function<void(const std::string&)>& tell) {
   const SimulationRequest& r = simulation.request();
   if (const std::string& host = simulation.calibration().host_name; host != r.host_name) {
@@ -86,13 +86,13 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
     all.push_back({point});
   }
   for (std::size_t w = 0; w < r.workloads.size(); ++w) {
-    for (unsigned i = 0; i <= rounds; ++i) {
+    for (unsigned i = is_warm ? 1 : 0; i <= rounds; ++i) {
       for (const SweepPoint& p : sweep.points(w, i)) {
         const SimulationPoint point{w, p.cache, p.threads};
         const std::string name = simulation.name_of(point);
         const Moment moment = simulation.measured_now(point, i);
         const Entry measured = sweep.run(p, i);
-        if (i != 0) {  // the first runs cold
+        if (i != 0) {
           ComparedPoint& compared = all[index.at(name)];
           compared.measured.add(measured);
           const Entry simulated = simulation.run(point, i, moment);

@@ -50,10 +50,11 @@ struct ComparedPoint {
 /// one unit: what one thread does is what the costs are from.
 std::vector<unsigned> validated_cores(const Topology& topology);
 
-/// Every point of the simulation in that many rounds and a first one that does not count; `tell` is told of each trial.
+/// Every point of the simulation in that many rounds and, unless it was just run, a first one that is cold and does not
+/// count; `tell` is told of each trial.
 /// Throws std::runtime_error if the calibration is another machine's, InvalidTrial if a cache broke its contract.
 std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
-                                             unsigned rounds,
+                                             unsigned rounds, bool is_warm,
                                              const std::function<void(const std::string&)>& tell);
 
 /// Medians over the points with more than one thread: that one thread takes as long as it did, repeats no work and
