@@ -93,6 +93,9 @@ def limits(measured: Measured) -> str:
                 why += "; and a query that is told the valid records takes longer, too"
         elif line["ns_told"] > line["ns_asked"]:
             why = "a query that is told the valid records takes longer, too"
+        elif line["ns_of_waits"] > line["ns_asked"]:
+            why = (f"to wait twice for memory, for its cells and then for the records that they name, takes "
+                   f"{style.number(line['ns_of_waits'])} ns")
         else:
             why = ("waiting: it executes "
                    f"{style.number(line['instructions'] / line['ns'])} of "

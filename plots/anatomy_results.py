@@ -29,6 +29,8 @@ kReads = {"cache_lines": "cache lines", "lists": "lists looked into", "items": "
           "lines_from_memory": "lines from memory"}
 # What one thread gets of the machine at most, a nanosecond.
 kRoofs = ("instructions_per_ns", "lines_per_ns")
+# So many lines from memory, as a mean over queries to scattered points, and nearly every query waits for some of them.
+kSurelyWaits = 2.0
 # How many times as fast as a query to another structure bench/targets asks a packed one to be, by order of points.
 kAsked = {"wait_free": {"random": 12.0, "coherent": 12.0}, "replicated": {"random": 3.0, "coherent": 3.0},
           "packed_scalar": {"random": 3.0, "coherent": 3.3}, "packed_frozen": {"random": 1 / 1.25, "coherent": 1 / 1.4}}
@@ -87,9 +89,11 @@ def roofs(measured: Measured) -> dict[str, float]:
 def bounds(measured: Measured) -> pd.DataFrame:
     """One line for every figure asked of a packed query: the time it may take and takes, ns; the instructions that have
     room in it at most, those that it executes, and those of a query that is told the valid records; and the least time,
-    ns, for its instructions alone and for its lines from memory alone. Empty where these were not counted.
+    ns, for its instructions alone, for its lines from memory alone, and for waiting twice, for cells and then for the
+    records they name, where nearly every query has to. Empty where these were not counted.
     """
-    roof, table, lines = roofs(measured), points(measured), []
+    roof, table, lines, blocks = roofs(measured), points(measured), [], memory(measured)
+    latency = blocks.iloc[-1]["median"] if len(blocks) else float("nan")
     if not roof or not {"instructions", "lines_from_memory"} <= set(table):
         return pd.DataFrame()
     for name, part in table.groupby("points", sort=False):
@@ -97,6 +101,8 @@ def bounds(measured: Measured) -> pd.DataFrame:
         if not {"packed_wait_free", "told"} <= set(known.index) or known["instructions"].isna().any():
             continue
         packed, told = known.loc["packed_wait_free"], known.loc["told"]
+        fetched = told["lines_from_memory"], packed["lines_from_memory"] - told["lines_from_memory"]
+        waits = 2 * latency if min(fetched) >= kSurelyWaits else float("nan")
         for other, asked in kAsked.items():
             if other not in known.index or name not in asked:
                 continue
@@ -106,7 +112,7 @@ def bounds(measured: Measured) -> pd.DataFrame:
                           "instructions": packed["instructions"], "instructions_told": told["instructions"],
                           "ns_told": told["ns"],
                           "ns_of_instructions": packed["instructions"] / roof["instructions_per_ns"],
-                          "ns_of_lines": packed["lines_from_memory"] / roof["lines_per_ns"]})
+                          "ns_of_lines": packed["lines_from_memory"] / roof["lines_per_ns"], "ns_of_waits": waits})
     return pd.DataFrame(lines)
 
 
