@@ -25,6 +25,7 @@
 //
 // Exit status: 0 done, 2 bad usage.
 #include <fmt/format.h>
+#include <tbb/global_control.h>
 #include <valgrind/callgrind.h>
 
 #include <CLI/CLI.hpp>
@@ -212,7 +213,7 @@ class Batched : public Part {
 };
 
 struct Options {
-  std::string out = "anatomy.json";
+  std::string out = "anatomy.json", scene = "cornell_box";
   std::uint32_t records = 100'000;
   unsigned repetitions = 25;
   std::uint64_t seed = 1;
@@ -304,6 +305,7 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   const Json context = environment(topology, info);
   ResultsWriter results(o.out, context,
                         Json{{"command", "anatomy"},
+                             {"scene", o.scene},
                              {"records", o.records},
                              {"repetitions", o.repetitions},
                              {"seed", o.seed},
@@ -312,7 +314,7 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   const Machine machine{topology, work, o.seed};
   machine.bind();
   Progress progress("anatomy", static_cast<double>(1 + std::size(kOrders) * (o.repetitions + 1)));
-  const RayTracer rays(make_scene("cornell_box"));
+  const RayTracer rays(make_scene(o.scene));
   measure_memory(o, results);
   measure_roofs(o, results);
   progress.advance(1.0, "memory");
@@ -380,7 +382,9 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
 /// order. It looks at nothing else, which would take it too long.
 void count(const Options& o) {
   if (!RUNNING_ON_VALGRIND) throw std::runtime_error("nobody counts: call bench/instructions");
-  const RayTracer rays(make_scene("cornell_box"));
+  // callgrind counts what all threads do: workers that look for work are none of a query.
+  const tbb::global_control alone(tbb::global_control::max_allowed_parallelism, 1);
+  const RayTracer rays(make_scene(o.scene));
   for (const Order& order : kOrders) {
     const SyntheticPlan plan = order.plan(o, rays);
     for (const auto& part : all_parts(plan)) {
@@ -404,6 +408,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Takes a query apart: what it costs in one structure after another, and what it reads",
                "anatomy"};
   app.add_option("--out,--json", o.out, "Results (JSON); written as the work goes on")->capture_default_str();
+  app.add_option("--scene", o.scene, "Where the points lie: a scene of the suite, or a file")->capture_default_str();
   app.add_option("--records", o.records, "Records in the caches")
       ->check(CLI::Range(1000u, 10'000'000u))
       ->capture_default_str();

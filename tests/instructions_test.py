@@ -33,8 +33,8 @@ class Instructions(unittest.TestCase):
 
     @unittest.skipUnless(shutil.which("valgrind"), "no valgrind")
     def test_the_queries_of_every_structure_are_counted(self):
-        subprocess.run([kPrograms / "anatomy", "--records", str(kRecords), "--repetitions", "2", "--out", self.results],
-                       check=True, capture_output=True, timeout=PATIENCE)
+        subprocess.run([kPrograms / "anatomy", "--scene", "white_furnace", "--records", str(kRecords), "--repetitions", "2",
+                        "--out", self.results], check=True, capture_output=True, timeout=PATIENCE)
         before = json.loads(self.results.read_text())
         done = self.count()
         if done.returncode == 2 and "ICBENCH_MARCH" in done.stderr:

@@ -49,11 +49,13 @@ SurfacePoint point_of(const Hit& hit, const Bounds& bounds) {
 
 }  // namespace
 
-SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint64_t seed) {
+SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint64_t seed,
+                               WithRadii with_radii) {
   constexpr int kFilm = 4096;
   const CameraView view(rays.scene().camera, kFilm, kFilm);
   const RadiusLimits limits = limits_of(rays);
-  SurfacePoints out{rays.scene().bounds, std::vector<SurfacePoint>(n), std::vector<float>(n)};
+  SurfacePoints out{rays.scene().bounds, std::vector<SurfacePoint>(n), {}};
+  if (with_radii == WithRadii::yes) out.radii.resize(n);
   std::atomic<bool> lost{false};
   parallel_chunks(n, kGrain, [&](std::size_t begin, std::size_t end) {
     Tracer tracer(rays);
@@ -79,7 +81,7 @@ SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint
         return;
       }
       out.points[i] = point_of(hit, out.bounds);
-      out.radii[i] = mean_distance(tracer, hit, limits, random);
+      if (with_radii == WithRadii::yes) out.radii[i] = mean_distance(tracer, hit, limits, random);
     }
   });
   if (lost.load(std::memory_order_relaxed)) {
@@ -90,7 +92,7 @@ SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint
 }
 
 SurfacePoints image_points(const RayTracer& rays, int width, int height, std::uint64_t seed,
-                           std::vector<std::uint32_t>& tile_ends) {
+                           WithRadii with_radii, std::vector<std::uint32_t>& tile_ends) {
   constexpr int kTile = 16;
   const CameraView view(rays.scene().camera, width, height);
   const RadiusLimits limits = limits_of(rays);
@@ -107,8 +109,9 @@ SurfacePoints image_points(const RayTracer& rays, int width, int height, std::ui
       const auto y = static_cast<int>(pixel / static_cast<std::uint32_t>(width));
       const Hit hit = primary_hit(tracer, view, Lens::centre, {}, x, y, pixel);
       if (!reflects(rays, hit)) return;
-      Pcg32 random(hash_keys(seed, pixel));
       found[t].points.push_back(point_of(hit, rays.scene().bounds));
+      if (with_radii == WithRadii::no) return;
+      Pcg32 random(hash_keys(seed, pixel));
       found[t].radii.push_back(mean_distance(tracer, hit, limits, random));
     });
   });

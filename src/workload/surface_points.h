@@ -18,15 +18,19 @@ namespace icbench {
 struct SurfacePoints {
   Bounds bounds;
   std::vector<SurfacePoint> points;
-  std::vector<float> radii;  ///< harmonic mean distance at each point, metres, > 0
+  std::vector<float>
+      radii;  ///< harmonic mean distance at each point, metres, > 0; or none, where not asked for
 };
+/// Whether points come with radii, which take sixteen rays each.
+enum class WithRadii : bool { no, yes };
 
 /// `n` points scattered over all surfaces that light reaches: the hits of random walks from the camera.
-SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint64_t seed);
+SurfacePoints scattered_points(const RayTracer& rays, std::uint32_t n, std::uint64_t seed,
+                               WithRadii with_radii);
 
 /// The points seen through the pixels of a width x height image, in tiles of 16 x 16 along a Z-curve; pixels
 /// that see nothing are left out. `tile_ends` receives the index past each tile's last point.
 SurfacePoints image_points(const RayTracer& rays, int width, int height, std::uint64_t seed,
-                           std::vector<std::uint32_t>& tile_ends);
+                           WithRadii with_radii, std::vector<std::uint32_t>& tile_ends);
 
 }  // namespace icbench
