@@ -292,8 +292,8 @@ void measure_roofs(const Options& o, ResultsWriter& results) {
             kRoofInstructions, Json{{"instructions_per_ns", instructions.back()}});
   }
   if (loads.sum() == 0) throw std::runtime_error("loads from memory found nothing");
-  fmt::print("{:<10} {:<18} {:>9.3f} a ns\n{:<10} {:<18} {:>9.2f} a ns\n", "roof", "lines", median(lines), "roof",
-             "instructions", median(instructions));
+  fmt::print("{:<10} {:<18} {:>9.3f} a ns\n{:<10} {:<18} {:>9.2f} a ns\n", "roof", "lines", median(lines),
+             "roof", "instructions", median(instructions));
 }
 
 void run(const Options& o, const std::vector<std::string>& command_line) {
@@ -303,6 +303,7 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   info.seed = o.seed;
   info.thread_counts = {1};
   const Json context = environment(topology, info);
+  const RayTracer rays(make_scene(o.scene));  // before results are touched: a scene may be refused
   ResultsWriter results(o.out, context,
                         Json{{"command", "anatomy"},
                              {"scene", o.scene},
@@ -314,7 +315,6 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   const Machine machine{topology, work, o.seed};
   machine.bind();
   Progress progress("anatomy", static_cast<double>(1 + std::size(kOrders) * (o.repetitions + 1)));
-  const RayTracer rays(make_scene(o.scene));
   measure_memory(o, results);
   measure_roofs(o, results);
   progress.advance(1.0, "memory");
@@ -408,7 +408,8 @@ int main(int argc, char** argv) {
   CLI::App app{"Takes a query apart: what it costs in one structure after another, and what it reads",
                "anatomy"};
   app.add_option("--out,--json", o.out, "Results (JSON); written as the work goes on")->capture_default_str();
-  app.add_option("--scene", o.scene, "Where the points lie: a scene of the suite, or a file")->capture_default_str();
+  app.add_option("--scene", o.scene, "Where the points lie: a scene of the suite, or a file")
+      ->capture_default_str();
   app.add_option("--records", o.records, "Records in the caches")
       ->check(CLI::Range(1000u, 10'000'000u))
       ->capture_default_str();

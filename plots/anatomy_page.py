@@ -94,8 +94,8 @@ def limits(measured: Measured) -> str:
         elif line["ns_told"] > line["ns_asked"]:
             why = "a query that is told the valid records takes longer, too"
         elif line["ns_of_waits"] > line["ns_asked"]:
-            why = (f"to wait twice for memory, for its cells and then for the records that they name, takes "
-                   f"{style.number(line['ns_of_waits'])} ns")
+            why = ("to wait twice for memory, for its cells and then for the records that they name, takes "
+                   f"{style.number(line['ns_of_waits'])} ns, unless queries overlap as in a batch")
         else:
             why = ("waiting: it executes "
                    f"{style.number(line['instructions'] / line['ns'])} of "
@@ -140,9 +140,10 @@ def section(measured: Measured, anchor: str, figures: str) -> str:
     if not measured.complete:
         made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
     records = int(everything["records"].max())
+    scenes = sorted({(c.get("configuration") or {}).get("scene", "cornell_box") for c in measured.contexts})
     made += sentences(everything) + figures + waits(memory(measured)) + limits(measured) + numbers(everything)
     made += note_line(f"Median [low, high] over {style.plural(int(everything['n'].max()), 'repetition')}; {records:,} "
-                      "records in Cornell box, one thread, read-only. What is read is a mean over all points; a dash: "
+                      f"records in {', '.join(scenes)}, one thread, read-only. What is read is a mean over all points; a dash: "
                       "not counted, since it is no cache")
     paths = ", ".join(path.name for path in measured.paths)
     return made + f'<p class="note">From <code>{text(paths)}</code>, measured on {text(measured.label)}.</p>'

@@ -31,6 +31,8 @@ kReads = {"cache_lines": "cache lines", "lists": "lists looked into", "items": "
 kRoofs = ("instructions_per_ns", "lines_per_ns")
 # So many lines from memory, as a mean over queries to scattered points, and nearly every query waits for some of them.
 kSurelyWaits = 2.0
+# A block of so many times the counted last level holds little that is at hand: its latency is memory's.
+kFarBlocks = 4
 # How many times as fast as a query to another structure bench/targets asks a packed one to be, by order of points.
 kAsked = {"wait_free": {"random": 12.0, "coherent": 12.0}, "replicated": {"random": 3.0, "coherent": 3.0},
           "packed_scalar": {"random": 3.0, "coherent": 3.3}, "packed_frozen": {"random": 1 / 1.25, "coherent": 1 / 1.4}}
@@ -93,7 +95,8 @@ def bounds(measured: Measured) -> pd.DataFrame:
     records they name, where nearly every query has to. Empty where these were not counted.
     """
     roof, table, lines, blocks = roofs(measured), points(measured), [], memory(measured)
-    latency = blocks.iloc[-1]["median"] if len(blocks) else float("nan")
+    near = (measured.contexts[0].get("counted") or {}).get("last_level_bytes", float("inf"))
+    latency = blocks.loc[blocks["block_bytes"] >= kFarBlocks * near, "median"].min()
     if not roof or not {"instructions", "lines_from_memory"} <= set(table):
         return pd.DataFrame()
     for name, part in table.groupby("points", sort=False):

@@ -58,17 +58,29 @@ class Instructions(unittest.TestCase):
             of = {part: one["instructions"] for (where, part), one in told.items() if where == points}
             self.assertLess(of["told"], of["packed_wait_free"])
             self.assertLess(of["packed_wait_free"], of["packed_scalar"])
+            # What other threads execute meanwhile is in none: it came to tens of thousands in the first.
+            self.assertLess(of["packed_scalar"], of["wait_free"])
+            self.assertLess(of["wait_free"], 20_000)
+
+    def test_a_scene_that_is_refused_leaves_results_as_they_were(self):
+        self.results.write_text("kept")
+        done = subprocess.run([kPrograms / "anatomy", "--scene", "nosuch", "--out", self.results], capture_output=True,
+                              text=True, timeout=PATIENCE)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertRegex(done.stderr, r"\Aanatomy: unknown scene 'nosuch'; [^\n]+\n\Z")
+        self.assertEqual([(path.name, path.read_text()) for path in self.folder.iterdir()], [("anatomy.json", "kept")])
 
     def test_wrong_input_is_one_line(self):
         self.refused("no results of anatomy")
         self.results.write_text("{}")
         self.refused("no results of anatomy")
-        whole = {"context": {"complete": True, "configuration": {"command": "anatomy", "records": 1, "seed": 1}},
-                 "benchmarks": []}
+        whole = {"context": {"complete": True, "configuration": {"command": "anatomy", "scene": "desk", "records": 1,
+                                                                   "seed": 1}}, "benchmarks": []}
         self.results.write_text(json.dumps(whole | {"context": whole["context"] | {"complete": False}}))
-        self.refused("no whole results of anatomy")
-        self.results.write_text(json.dumps(whole | {"context": {"complete": True, "configuration": {"command": "sweep"}}}))
-        self.refused("no whole results of anatomy")
+        self.refused("no whole results")
+        for configuration in ({"command": "sweep"}, {"command": "anatomy", "records": 1, "seed": 1}):
+            self.results.write_text(json.dumps(whole | {"context": {"complete": True, "configuration": configuration}}))
+            self.refused("no whole results")
         self.results.write_text(json.dumps(whole))
         if shutil.which("valgrind"):
             self.refused("a power of two", "--last-level", "5000000")

@@ -554,7 +554,7 @@ class Anatomy(InFolder):
         for row in data["benchmarks"]:
             if "lines_from_memory" in row:
                 row["lines_from_memory"] *= 10.0
-        self.assertIn("for its cells and then for the records that they name, takes 320 ns", self.page(data))
+        self.assertIn("for its cells and then for the records that they name, takes 320 ns, unless queries overlap", self.page(data))
         # Where instructions have no room, and where those who know the records beforehand take as long.
         for part, change, why in (("packed_wait_free", {"instructions": 1400.0}, "its instructions alone"),
                                   ("told", {"ns_per_query": 200.0}, "a query that is told the valid records takes longer")):
@@ -572,6 +572,11 @@ class Anatomy(InFolder):
         self.assertNotIn("there is room for", self.page(data))
         path = write_results(self.folder / "anatomy.json", data)
         self.assertIn("bench/instructions counts them", self.good("anatomy_roofline.py", path, "--out", self.folder).stdout)
+
+    def test_the_page_names_the_scene(self):
+        self.assertIn("100,000 records in cornell_box, one thread", self.page(model_anatomy()))
+        other = model_anatomy(configuration={"command": "anatomy", "scene": "office"})
+        self.assertIn("100,000 records in office, one thread", self.page(other))
 
     def test_the_map_leaves_nothing_out_of_its_table(self):
         path = write_results(self.folder / "anatomy.json", model_anatomy())

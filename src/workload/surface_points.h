@@ -18,9 +18,10 @@ namespace icbench {
 struct SurfacePoints {
   Bounds bounds;
   std::vector<SurfacePoint> points;
-  std::vector<float>
-      radii;  ///< harmonic mean distance at each point, metres, > 0; or none, where not asked for
+  /// Harmonic mean distance at each point, metres, > 0; empty where not asked for.
+  std::vector<float> radii;
 };
+
 /// Whether points come with radii, which take sixteen rays each.
 enum class WithRadii : bool { no, yes };
 
