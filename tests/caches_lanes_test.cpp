@@ -3,6 +3,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <cfenv>
+
 #include "cache_contract.h"
 #include "caches/packed_filter.h"
 #include "caches/packed_reach.h"
@@ -65,7 +67,7 @@ TEST(Lanes, EveryWidthKeepsWhatScalarCodeKeeps) {
   EXPECT_LT(kept, published / 2) << "hardly a lane is turned away";
 }
 
-TEST(Lanes, EveryWidthWeighsAsTheDefinitionDoes) {
+TEST(Lanes, EveryWidthWeighsAndAddsAsTheDefinitionDoes) {
   Pcg32 random(2);
   const auto direction = [&] { return random_surface_point(random).n; };
   std::size_t valid = 0, weighed = 0;
@@ -79,7 +81,15 @@ TEST(Lanes, EveryWidthWeighsAsTheDefinitionDoes) {
       const glm::vec3 p = is_there ? x.p : x.p + scale * 0.2f * random.uniform() * direction();
       const glm::vec3 n = random.below(2) == 0 ? x.n : glm::normalize(x.n + 0.5f * direction());
       records.push_back(make_record(k, p, n, scale * random.uniform() + 1e-3f * scale));
+      records.back().E = {random.uniform(), 1e20f * random.uniform(), 1e-20f * random.uniform()};
+      // As a float a signalling NaN: what is no float must not be reckoned with.
+      records.back().id = 0x7fa00000u + k;
     }
+    Interpolator expected_mean;
+    for (const Record& r : records) {
+      if (const float weight = split_sphere_weight(x, r, a); weight > 0.0f) expected_mean(r, weight);
+    }
+    const WeightedSums expected_sums = expected_mean.sums();
     std::vector<const Record*> pointers;
     for (const Record& r : records) pointers.push_back(&r);
     const auto n = static_cast<std::uint32_t>(records.size());
@@ -96,6 +106,14 @@ TEST(Lanes, EveryWidthWeighsAsTheDefinitionDoes) {
         valid += expected > 0.0f;
         ++weighed;
       }
+      std::feclearexcept(FE_INVALID);
+      WeightedSums sums{};
+      const std::uint32_t added = k.kernels.add(x, a, pointers.data(), n, sums);
+      ASSERT_EQ(std::fetestexcept(FE_INVALID), 0) << k.name;
+      ASSERT_EQ(added, std::count_if(weights.begin(), weights.begin() + n, [](float w) { return w > 0.0f; }))
+          << k.name;
+      for (std::size_t c = 0; c < sums.size(); ++c)
+        ASSERT_EQ(std::bit_cast<std::uint32_t>(sums[c]), std::bit_cast<std::uint32_t>(expected_sums[c])) << k.name;
     }
   }
   EXPECT_GT(valid, weighed / 10);

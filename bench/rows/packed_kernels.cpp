@@ -18,7 +18,7 @@ struct NotedCalls {
     std::size_t first;
     std::uint32_t n;
   };
-  struct Weigh {
+  struct Add {
     SurfacePoint x;
     float a;
     std::size_t first;
@@ -27,7 +27,7 @@ struct NotedCalls {
   std::vector<Filter> filters;
   std::vector<LaneStrip> strips;
   std::vector<LanePoint> points;  // of the strips
-  std::vector<Weigh> weighs;
+  std::vector<Add> adds;
   std::vector<const Record*> records;
 
   static NotedCalls* now;  // where calls are noted; single-threaded
@@ -36,7 +36,7 @@ NotedCalls* NotedCalls::now = nullptr;
 
 /// Scalar code that notes what it is called for.
 struct NotingLanes {
-  static LaneKernels best() noexcept { return {filter, weigh}; }
+  static LaneKernels best() noexcept { return {filter, weigh_records_scalar, add}; }
 
  private:
   static std::uint32_t filter(float share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
@@ -48,13 +48,13 @@ struct NotingLanes {
     }
     return filter_lanes_scalar(share, strips, n, out);
   }
-  static void weigh(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
-                    float* weights) {
+  static std::uint32_t add(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                           WeightedSums& sums) {
     NotedCalls& calls = *NotedCalls::now;
-    calls.weighs.push_back({x, a, calls.records.size(), n});
+    calls.adds.push_back({x, a, calls.records.size(), n});
     calls.records.insert(calls.records.end(), records, records + n);
     calls.records.resize((calls.records.size() + kWeighed - 1) / kWeighed * kWeighed, records[0]);
-    weigh_records_scalar(x, a, records, n, weights);
+    return add_records_scalar(x, a, records, n, sums);
   }
 };
 
@@ -100,10 +100,10 @@ class ScalarOverVectors : public Experiment {
       kept_.resize(f.n * kStripLanes + kStripLanes);
       checksum_ += kernels.filter(f.share, &calls.strips[f.first], f.n, kept_.data());
     }
-    for (const NotedCalls::Weigh& w : calls.weighs) {
-      weights_.resize(w.n + kWeighed);
-      kernels.weigh(w.x, w.a, &calls.records[w.first], w.n, weights_.data());
-      checksum_ += weights_[0];
+    for (const NotedCalls::Add& add : calls.adds) {
+      WeightedSums sums{};
+      kernels.add(add.x, add.a, &calls.records[add.first], add.n, sums);
+      checksum_ += sums[0];
     }
   }
 
@@ -112,7 +112,6 @@ class ScalarOverVectors : public Experiment {
   Direct<Packed<StdSync, AtFirstSight, NotingLanes>> cache_;
   Pcg32 random_;
   std::vector<UnitIndex> kept_;
-  std::vector<float> weights_;
   unsigned count_ = 0;
   double checksum_ = 0.0;
 };

@@ -59,14 +59,12 @@ class Filled<ToldRecords> {
 
   /// `x`: one of the plan's points themselves, which tells which records are valid.
   std::optional<Irradiance> query(const SurfacePoint& x) const noexcept {
-    constexpr std::uint32_t kAtOnce = 8;
     const auto at = static_cast<std::size_t>(&x - points_);
     const std::uint32_t end = begin_[at + 1];
     for (std::uint32_t i = begin_[at]; i < end; ++i) __builtin_prefetch(valid_[i]);
     Interpolator interpolator;
-    std::array<float, kAtOnce + kWeighed> weights;
-    for (std::uint32_t i = begin_[at]; i < end; i += kAtOnce)
-      show_valid(kernels_, x, a_, &valid_[i], std::min(end - i, kAtOnce), weights.data(), interpolator);
+    for (std::uint32_t i = begin_[at]; i < end; i += kWeighed)
+      kernels_.add(x, a_, &valid_[i], std::min(end - i, kWeighed), interpolator.sums());
     return interpolator.result();
   }
 

@@ -141,6 +141,10 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
                    float* weights) {
   weigh_records_scalar(x, a, records, n, weights);
 }
+std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                          WeightedSums& sums) {
+  return add_records_scalar(x, a, records, n, sums);
+}
 #else
 // Records are weighed eight at a time, or four where vectors are no longer than that.
 using Group = hn::CappedTag<float, kWeighed>;
@@ -190,9 +194,8 @@ HWY_INLINE Weighed columns(const Record* const* records) {
 #endif
 }
 
-/// `likely_split_sphere_weight` (core/interpolation.h), operation by operation.
-void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
-                   float* weights) {
+/// `likely_split_sphere_weight` (core/interpolation.h) of kGroup records, operation by operation.
+HWY_INLINE hn::Vec<Group> weights_of(const SurfacePoint& x, float a, const Record* const* records) {
   static_assert(offsetof(Record, p) == 0 && offsetof(Record, n) == 3 * sizeof(float) &&
                 offsetof(Record, R) == 6 * sizeof(float) && sizeof(Record) >= 8 * sizeof(float));
   const Group floats;
@@ -203,17 +206,49 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
   const auto xx = all(x.p.x), xy = all(x.p.y), xz = all(x.p.z);
   const auto nx = all(x.n.x), ny = all(x.n.y), nz = all(x.n.z);
   const auto one = all(1.0f), tolerance = all(-kInFrontTolerance);
+  const auto [first, second] = columns(records);
+  const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
+  const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
+  const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));
+  const auto error = hn::Add(hn::Div(hn::Sqrt(dot(dx, dy, dz, dx, dy, dz)), radius), hn::Sqrt(bend));
+  const auto front = hn::Mul(all(0.5f), dot(dx, dy, dz, hn::Add(nx, rx), hn::Add(ny, ry), hn::Add(nz, rz)));
+  const auto valid = hn::And(hn::Lt(error, all(a)), hn::Ge(front, hn::Mul(tolerance, radius)));
+  const auto weight = hn::Div(one, hn::Max(error, all(kMinError)));
+  return hn::IfThenElseZero(valid, weight);
+}
+
+void weigh_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                   float* weights) {
+  for (std::uint32_t i = 0; i < n; i += kGroup)
+    hn::StoreU(weights_of(x, a, records + i), Group(), weights + i);
+}
+
+/// Weights are added as vectors of red, green, blue and the weight itself. Those behind the last record are 0, which
+/// changes no sum.
+std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                          WeightedSums& sums) {
+  constexpr std::size_t kE = offsetof(Record, E) / sizeof(float);
+  static_assert(offsetof(Record, E) % sizeof(float) == 0 && sizeof(Record) >= (kE + 4) * sizeof(float));
+  const Group floats;
+  const hn::CappedTag<float, 4> colours;
+  const auto one = hn::Set(colours, 1.0f);
+  const auto is_colour = hn::FirstN(colours, 3);
+  auto sum = hn::LoadU(colours, sums.data());
+  std::size_t valid = 0;
   for (std::uint32_t i = 0; i < n; i += kGroup) {
-    const auto [first, second] = columns(records + i);
-    const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
-    const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
-    const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));
-    const auto error = hn::Add(hn::Div(hn::Sqrt(dot(dx, dy, dz, dx, dy, dz)), radius), hn::Sqrt(bend));
-    const auto front = hn::Mul(all(0.5f), dot(dx, dy, dz, hn::Add(nx, rx), hn::Add(ny, ry), hn::Add(nz, rz)));
-    const auto valid = hn::And(hn::Lt(error, all(a)), hn::Ge(front, hn::Mul(tolerance, radius)));
-    const auto weight = hn::Div(one, hn::Max(error, all(kMinError)));
-    hn::StoreU(hn::IfThenElseZero(valid, weight), floats, weights + i);
+    const auto is_record = hn::FirstN(floats, std::min<std::size_t>(n - i, kGroup));
+    const auto weight = hn::IfThenElseZero(is_record, weights_of(x, a, records + i));
+    valid += hn::CountTrue(floats, hn::Gt(weight, hn::Zero(floats)));
+    HWY_ALIGN float weights[kGroup];
+    hn::Store(weight, floats, weights);
+    for (std::size_t k = 0; k < kGroup; ++k) {
+      // What stands behind the irradiance is no float.
+      const auto row = hn::LoadU(colours, reinterpret_cast<const float*>(records[i + k]) + kE);
+      sum = hn::Add(sum, hn::Mul(hn::Set(colours, weights[k]), hn::IfThenElse(is_colour, row, one)));
+    }
   }
+  hn::StoreU(sum, colours, sums.data());
+  return static_cast<std::uint32_t>(valid);
 }
 #endif
 
@@ -226,13 +261,14 @@ namespace icbench {
 
 HWY_EXPORT(filter_lanes);
 HWY_EXPORT(weigh_records);
+HWY_EXPORT(add_records);
 
 namespace {
 
 /// The kernels for the best of the targets that are allowed now.
 LaneKernels chosen_kernels() {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records)};
+  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records), HWY_DYNAMIC_DISPATCH(add_records)};
 }
 
 }  // namespace

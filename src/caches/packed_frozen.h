@@ -74,12 +74,13 @@ class PackedFrozen {
         strips[count++] = {run + 1 + i, &at, n, 0xffffu >> (kStripLanes - lanes)};
       }
       const std::uint32_t k = kernels_.filter(share, strips.data(), count, kept.data());
-      for (std::uint32_t i = 0; i < k; ++i) {
-        const auto* record = reinterpret_cast<const std::byte*>(&records_[kept[i]]);
-        __builtin_prefetch(record);
-        __builtin_prefetch(record + sizeof(Record) - 1);
+      if (k == 0) continue;
+      std::fill_n(kept.begin() + k, kWeighed, kept[0]);  // there is a record behind the last one
+      for (std::uint32_t i = 0; i < k; i += kWeighed) {
+        ShownRecords shown;
+        for (std::uint32_t j = 0; j < kWeighed; ++j) shown[j] = &records_[kept[i + j]];
+        show_valid(kernels_, x, config_.a, shown, std::min(k - i, kWeighed), f);
       }
-      test(x, std::span(kept).first(k), f);
     }
   }
 
@@ -182,19 +183,6 @@ class PackedFrozen {
     words_.insert(words_.end(), some.begin(), some.end());
     words_.resize((words_.size() + kRunUnit - 1) / kRunUnit * kRunUnit);
     return static_cast<std::uint32_t>(begin / kRunUnit);
-  }
-
-  template <class F>
-  void test(const SurfacePoint& x, std::span<const UnitIndex> kept, F& f) const noexcept {
-    constexpr std::uint32_t kAtOnce = 8;
-    std::array<const Record*, kAtOnce + kWeighed> shown;
-    std::array<float, kAtOnce + kWeighed> weights;
-    for (; !kept.empty(); kept = kept.subspan(std::min<std::size_t>(kAtOnce, kept.size()))) {
-      const auto n = static_cast<std::uint32_t>(std::min<std::size_t>(kAtOnce, kept.size()));
-      for (std::uint32_t k = 0; k < n; ++k) shown[k] = &records_[kept[k]];
-      for (std::uint32_t k = n; k % kWeighed != 0; ++k) shown[k] = shown[0];
-      show_valid(kernels_, x, config_.a, shown.data(), n, weights.data(), f);
-    }
   }
 
   CacheConfig config_;

@@ -137,28 +137,37 @@ struct LaneKernels {
   /// kWeighed - 1 more, and there is a record at that many.
   void (*weigh)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                 float* weights);
+
+  /// Adds the irradiances of n records, so weighted, and their weights to `sums`, one after the other, bit for bit.
+  /// Returns how many are valid. There is a record at kWeighed - 1 more.
+  std::uint32_t (*add)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
+                       WeightedSums& sums);
 };
 
 /// Most records that are weighed at once.
 inline constexpr std::uint32_t kWeighed = 8;
 
-/// Calls f(record, weight) for those of n records that are valid at x, or hands f all of them at once if it takes that
-/// (core/interpolation.h). Both arrays have room for kWeighed - 1 more, and there is a record at that many. Returns how
-/// many are valid.
+/// Records that are shown together: the first n of them, 0 < n <= kWeighed; behind them any records.
+using ShownRecords = std::array<const Record*, kWeighed>;
+
+/// Calls f(record, weight) for those that are valid at x, or adds them to f's sums if it has such
+/// (core/interpolation.h). Returns how many are valid.
 template <class F>
 std::uint32_t show_valid(const LaneKernels& kernels, const SurfacePoint& x, float a,
-                         const Record* const* records, std::uint32_t n, float* weights, F& f) noexcept {
-  kernels.weigh(x, a, records, n, weights);
-  std::uint32_t valid = 0;
-  for (std::uint32_t i = 0; i < n; ++i) valid += weights[i] > 0.0f;
-  if constexpr (requires { f.add(records, weights, n); }) {
-    f.add(records, weights, n);
+                         const ShownRecords& records, std::uint32_t n, F& f) noexcept {
+  if constexpr (requires { f.sums(); }) {
+    return kernels.add(x, a, records.data(), n, f.sums());
   } else {
+    std::array<float, kWeighed> weights;
+    kernels.weigh(x, a, records.data(), n, weights.data());
+    std::uint32_t valid = 0;
     for (std::uint32_t i = 0; i < n; ++i) {
-      if (weights[i] > 0.0f) f(*records[i], weights[i]);
+      if (!(weights[i] > 0.0f)) continue;
+      f(*records[i], weights[i]);
+      ++valid;
     }
+    return valid;
   }
-  return valid;
 }
 
 /// One lane after the other.
@@ -178,6 +187,19 @@ inline std::uint32_t filter_lanes_scalar(float share, const LaneStrip* strips, s
 inline void weigh_records_scalar(const SurfacePoint& x, float a, const Record* const* records,
                                  std::uint32_t n, float* weights) {
   for (std::uint32_t i = 0; i < n; ++i) weights[i] = likely_split_sphere_weight(x, *records[i], a);
+}
+inline std::uint32_t add_records_scalar(const SurfacePoint& x, float a, const Record* const* records,
+                                        std::uint32_t n, WeightedSums& sums) {
+  MeanIrradiance sum;  // of its own, which stays in registers
+  sum.sums() = sums;
+  std::uint32_t valid = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    const float weight = likely_split_sphere_weight(x, *records[i], a);
+    sum.add(records[i]->E, weight);
+    valid += weight > 0.0f;
+  }
+  sums = sum.sums();
+  return valid;
 }
 
 }  // namespace icbench

@@ -51,7 +51,8 @@
 //
 //   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each
 //           cell on the path the mask, the word of its further lanes and the list's count; then the lanes and places
-//           that these showed, once (list_steps). A cell counts as two lists, its lanes and the rest.
+//           that these showed, once (list_steps), but for the mark of the first record, up to eight times. A cell
+//           counts as two lists, its lanes and the rest.
 //
 // Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
 // visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
@@ -130,11 +131,11 @@ class Packed {
   static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "48 level below the grid + 3477"
                                                                            : "48 level below the grid + 3475",
                                     kVisitBound = Visibility::kIsSnapshot
-                                                      ? "41 + per list (3 + links + 5 slots)"
-                                                      : "40 + per list (3 + links + 2 slots)";
-  static constexpr std::uint32_t kVisitSteps =
-      1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps;
-  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 41 : 40));
+                                                      ? "69 + per list (3 + links + 5 slots)"
+                                                      : "47 + per list (3 + links + 2 slots)";
+  static constexpr std::uint32_t kVisitSteps = 1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) +
+                                               2 + Marks::kMomentSteps + (kWeighed - 1) * Marks::kShowsSteps;
+  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 69 : 47));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of an insert `below` levels below the grid.
@@ -241,7 +242,10 @@ class Packed {
       }
     }
     for (std::size_t i = 0; i < n; ++i) look(walks[i]);
-    for (std::size_t i = 0; i < n; ++i) filter(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) {
+      filter(walks[i]);
+      prefetch_records(walks[i]);
+    }
     for (std::size_t i = 0; i < n; ++i) test(walks[i], points[i], a, counters, visitors[i]);
   }
 
@@ -375,7 +379,6 @@ class Packed {
     std::array<LanePoint, kMostPath> point;
     std::array<LaneStrip, kMostPath * kCellStrips> strip;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
-    std::array<Stored*, kMostPath * kCellLanes> stored;
   };
 
   UnitIndex take_place(Workspace& w) noexcept {
@@ -563,11 +566,16 @@ class Packed {
     }
   }
 
-  /// Collects the places of the records that lanes are kept of.
+  /// Collects the places of the records that lanes are kept of, and behind them, to whole groups, the first once more:
+  /// how many there are cannot be foreseen, so that what follows goes by groups.
   void filter(Walk& walk) noexcept {
     walk.kept = kernels_.filter(walk.share, walk.strip.data(), walk.strips, walk.places.data());
-    for (std::uint32_t k = 0; k < walk.kept; ++k) {
-      Stored* stored = walk.stored[k] = &at(walk.places[k]);
+    if (walk.kept != 0) std::fill_n(walk.places.begin() + walk.kept, kWeighed, walk.places[0]);
+  }
+
+  void prefetch_records(const Walk& walk) noexcept {
+    for (std::uint32_t i = 0; i < walk.kept; ++i) {
+      const Stored* stored = &at(walk.places[i]);
       __builtin_prefetch(stored);
       __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
     }
@@ -581,32 +589,38 @@ class Packed {
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
   void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    constexpr std::uint32_t kAtOnce = 8;
-    std::array<const Record*, kAtOnce + kWeighed> shown;
-    std::array<float, kAtOnce + kWeighed> weights;
+    ShownRecords records;
     const auto show = [&](std::uint32_t n) noexcept {
-      if (n == 0) return;
-      for (std::uint32_t k = 0; k < n; ++k) Sync::reads(shown[k], sizeof(Record));
-      for (std::uint32_t k = n; k % kWeighed != 0; ++k) shown[k] = shown[0];
-      const std::uint32_t valid = show_valid(kernels_, x, a, shown.data(), n, weights.data(), f);
+      for (std::uint32_t k = 0; k < n; ++k) Sync::reads(records[k], sizeof(Record));
+      const std::uint32_t valid = show_valid(kernels_, x, a, records, n, f);
       counters.template add<&Counts::records_read>(n);
       counters.template add<&Counts::records_valid>(valid);
     };
-    for (std::uint32_t i = 0; i < walk.kept; i += kAtOnce) {
-      const std::uint32_t end = std::min(i + kAtOnce, walk.kept);
-      std::uint32_t n = 0;
-      for (std::uint32_t k = i; k < end; ++k) {
-        Stored& stored = *walk.stored[k];
-        shown[n] = &stored.record;
-        n += marks_.shows(stored.mark, walk.moment);
+    for (std::uint32_t i = 0; i < walk.kept; i += kWeighed) {
+      std::array<bool, kWeighed> shows;
+      bool all = true;
+      for (std::uint32_t k = 0; k < kWeighed; ++k) {
+        Stored& stored = at(walk.places[i + k]);
+        records[k] = &stored.record;
+        all &= shows[k] = marks_.shows(stored.mark, walk.moment);
+      }
+      std::uint32_t n = std::min(walk.kept - i, kWeighed);
+      if (!all) [[unlikely]] {
+        const std::uint32_t kept = std::exchange(n, 0);
+        for (std::uint32_t k = 0; k < kept; ++k) {
+          records[n] = records[k];
+          n += shows[k];
+        }
+        if (n == 0) continue;
       }
       show(n);
     }
     for (std::uint32_t i = 0; i < walk.cells; ++i)
       list_.visit(walk.cell[i]->rest, list_.moment(), [&](UnitIndex place) noexcept {
         Stored& stored = at(place);
-        shown[0] = &stored.record;
-        if (marks_.shows(stored.mark, walk.moment)) show(1);
+        if (!marks_.shows(stored.mark, walk.moment)) return;
+        records.fill(&stored.record);
+        show(1);
       });
   }
 

@@ -21,6 +21,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <optional>
@@ -75,37 +76,30 @@ inline float likely_split_sphere_weight(const SurfacePoint& x, const Record& r, 
   return std::bit_cast<float>(std::bit_cast<std::uint32_t>(weight) & (0u - is_valid));
 }
 
+/// Of irradiances the weighted sums of red, green and blue, W/m^2, and the sum of the weights.
+using WeightedSums = std::array<float, 4>;
+
 /// Weighted mean of irradiances.
 class MeanIrradiance {
  public:
   void add(const Irradiance& E, float weight) noexcept {
-    weighted_ += weight * E;
-    weights_ += weight;
+    sums_[0] += weight * E.x;
+    sums_[1] += weight * E.y;
+    sums_[2] += weight * E.z;
+    sums_[3] += weight;
   }
 
-  /// Adds n irradiances in their order, each with its weight; a weight may be 0.
-  template <class IrradianceOf>
-  void add(std::uint32_t n, const float* weights, IrradianceOf&& E) noexcept {
-    // Sums of their own, which stay in registers.
-    Irradiance weighted = weighted_;
-    float sum = weights_;
-    for (std::uint32_t i = 0; i < n; ++i) {
-      weighted += weights[i] * E(i);
-      sum += weights[i];
-    }
-    weighted_ = weighted;
-    weights_ = sum;
-  }
+  /// For code that adds many at once, one after the other as `add` does.
+  WeightedSums& sums() noexcept { return sums_; }
 
   /// nullopt exactly when nothing was added.
   std::optional<Irradiance> result() const noexcept {
-    if (!(weights_ > 0.0f)) return std::nullopt;
-    return weighted_ / weights_;
+    if (!(sums_[3] > 0.0f)) return std::nullopt;
+    return Irradiance(sums_[0], sums_[1], sums_[2]) / sums_[3];
   }
 
  private:
-  Irradiance weighted_{0.0f};
-  float weights_ = 0.0f;
+  WeightedSums sums_{};
 };
 
 /// Interpolates between the records that are valid at a point.
@@ -113,10 +107,8 @@ class Interpolator {
  public:
   void operator()(const Record& r, float weight) noexcept { mean_.add(r.E, weight); }
 
-  /// The same for n records; those with weight 0 are not valid.
-  void add(const Record* const* records, const float* weights, std::uint32_t n) noexcept {
-    mean_.add(n, weights, [&](std::uint32_t i) -> const Irradiance& { return records[i]->E; });
-  }
+  /// For code that adds many records at once.
+  WeightedSums& sums() noexcept { return mean_.sums(); }
 
   /// nullopt exactly when no record was valid.
   std::optional<Irradiance> result() const noexcept { return mean_.result(); }
