@@ -13,40 +13,44 @@ namespace icbench {
 namespace {
 
 /// Lanes with random bits, of which a random part is published, and queries among them.
-class RandomStrips {
+class RandomLanes {
  public:
-  explicit RandomStrips(std::uint64_t seed) : random_(seed) {
+  explicit RandomLanes(std::uint64_t seed) : random_(seed) {
     for (std::uint32_t& word : words_) {
       // Reaches in which distance matters, and some that are too large to be expressed.
       const std::uint32_t code = random_.below(8) == 0 ? kReachAlways : random_.below(kReachAlways);
       word = (random_() & ((1u << (3 * kPlaceBits)) - 1)) | code << (3 * kPlaceBits);
     }
     share = 0.2f + 0.8f * random_.uniform();
-    for (LanePoint& at : points_) {
+    // As in cells, or as in frozen runs.
+    if (random_.below(2) == 0)
+      layout = {kStripWords, kStripLanes};
+    else
+      layout = {kStripLanes, kCellLanes};
+    for (int i = 0; i < 5; ++i) {
       const auto place = [&] { return 192.0f + 128.0f * random_.uniform(); };
-      at = {place(), place(), place(), 1.0f + 2.0f * random_.uniform()};
+      const std::uint32_t *first = words_ + 4 * random_.below(40), *more = words_ + 4 * random_.below(40);
+      std::uint64_t mask = std::uint64_t{random_()} << 32 | random_();
+      if (random_.below(3) == 0) mask = ~std::uint64_t{0};
+      runs.push_back({first, more, mask >> random_.below(64),
+                      {place(), place(), place(), 1.0f + 2.0f * random_.uniform()}});
     }
-    for (int i = 0; i < 12; ++i) {
-      const std::uint32_t stride = random_.below(3) == 0 ? 4 : kStripLanes;
-      const std::uint32_t* at = words_ + 2 * kStripLanes * random_.below(4);
-      const std::uint32_t bits = random_.below(3) == 0 ? ~0u : random_();
-      strips.push_back({at, &points_[random_.below(4)], stride, bits & ((1u << stride) - 1)});
-    }
+    runs.push_back({words_, words_, 0, runs[0].at});
   }
 
   float share;
-  std::vector<LaneStrip> strips;
+  LaneLayout layout;
+  std::vector<LaneRun> runs;
 
  private:
   Pcg32 random_;
-  alignas(64) std::uint32_t words_[5 * 2 * kStripLanes];
-  LanePoint points_[4];
+  alignas(64) std::uint32_t words_[4 * 40 + kCellStrips * kStripWords];
 };
 
-std::vector<UnitIndex> kept_by(const LaneKernels& kernels, float share,
-                               const std::vector<LaneStrip>& strips) {
-  std::vector<UnitIndex> out(strips.size() * kStripLanes + kStripLanes);
-  out.resize(kernels.filter(share, strips.data(), static_cast<std::uint32_t>(strips.size()), out.data()));
+std::vector<UnitIndex> kept_by(const LaneKernels& kernels, float share, LaneLayout layout,
+                               const std::vector<LaneRun>& runs) {
+  std::vector<UnitIndex> out(runs.size() * kCellLanes + kStripLanes);
+  out.resize(kernels.filter(share, layout, runs.data(), static_cast<std::uint32_t>(runs.size()), out.data()));
   return out;
 }
 
@@ -55,13 +59,15 @@ TEST(Lanes, EveryWidthKeepsWhatScalarCodeKeeps) {
   ASSERT_FALSE(all.empty());
   std::size_t kept = 0, published = 0;
   for (std::uint64_t seed = 0; seed < 3000; ++seed) {
-    const RandomStrips lanes(seed);
-    const auto expected = kept_by(ScalarLanes::best(), lanes.share, lanes.strips);
-    for (const NamedLaneKernels& k : all)
-      ASSERT_EQ(kept_by(k.kernels, lanes.share, lanes.strips), expected) << k.name << ", seed " << seed;
-    ASSERT_EQ(kept_by(SimdLanes::best(), lanes.share, lanes.strips), expected) << "seed " << seed;
+    const RandomLanes lanes(seed);
+    const auto by = [&](const LaneKernels& kernels) {
+      return kept_by(kernels, lanes.share, lanes.layout, lanes.runs);
+    };
+    const auto expected = by(ScalarLanes::best());
+    for (const NamedLaneKernels& k : all) ASSERT_EQ(by(k.kernels), expected) << k.name << ", seed " << seed;
+    ASSERT_EQ(by(SimdLanes::best()), expected) << "seed " << seed;
     kept += expected.size();
-    for (const LaneStrip& s : lanes.strips) published += static_cast<std::size_t>(std::popcount(s.bits));
+    for (const LaneRun& run : lanes.runs) published += static_cast<std::size_t>(std::popcount(run.mask));
   }
   EXPECT_GT(kept, published / 50) << "hardly a lane is kept";
   EXPECT_LT(kept, published / 2) << "hardly a lane is turned away";
@@ -154,7 +160,7 @@ TEST(Lanes, NoValidRecordIsTurnedAwayAndFewOthersAreKept) {
           const std::uint32_t lane = make_lane(reach.p(), reach.reach(), cell.corner(), level);
           const bool is_valid = split_sphere_weight(x, r, a) > 0.0f;
           const bool is_kept = keeps(make_lane_share(a, a_max),
-                                     make_lane_point(addressing.to_grid(x.p), cell.corner(), level), lane);
+                                     make_lane_point(addressing.to_grid(x.p), u, level), lane);
           if (is_valid) {
             ASSERT_TRUE(reach.touches(cell))
                 << "a_max " << a_max << ", scale " << scale << ", level " << level;
@@ -181,6 +187,7 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
   ASSERT_EQ(::mprotect(memory + 2 * page, page, PROT_NONE), 0);
   const LanePoint at{250, 250, 250, 1.0f};
   constexpr std::uint32_t kKept = kReachAlways << (3 * kPlaceBits);
+  constexpr LaneLayout kLayout{kStripWords, kStripLanes};
   auto all = lane_kernels();
   all.push_back({"scalar", ScalarLanes::best()});
   for (const NamedLaneKernels& k : all) {
@@ -194,7 +201,8 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
         first[kStripLanes + i] = i;
         expected.push_back(i);
       }
-      EXPECT_EQ(kept_by(k.kernels, 1.0f, {{first, &at, kStripLanes, 0xffffu << missing & 0xffffu}}), expected)
+      EXPECT_EQ(kept_by(k.kernels, 1.0f, kLayout, {{first, nullptr, kStripMask << missing & kStripMask, at}}),
+                expected)
           << k.name;
       // The last lanes' indices do.
       expected.clear();
@@ -204,7 +212,12 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
         last[kStripLanes + i] = i;
         expected.push_back(i);
       }
-      EXPECT_EQ(kept_by(k.kernels, 1.0f, {{last, &at, kStripLanes, 0xffffu >> missing}}), expected) << k.name;
+      EXPECT_EQ(kept_by(k.kernels, 1.0f, kLayout, {{last, nullptr, kStripMask >> missing, at}}), expected)
+          << k.name;
+      // The same of a second strip, of which alone lanes are published.
+      EXPECT_EQ(kept_by(k.kernels, 1.0f, kLayout, {{nullptr, last, kStripMask >> missing << kStripLanes, at}}),
+                expected)
+          << k.name;
     }
   }
   ::munmap(memory, 3 * page);

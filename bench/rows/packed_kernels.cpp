@@ -15,6 +15,7 @@ namespace {
 struct NotedCalls {
   struct Filter {
     float share;
+    LaneLayout layout;
     std::size_t first;
     std::uint32_t n;
   };
@@ -25,8 +26,7 @@ struct NotedCalls {
     std::uint32_t n;
   };
   std::vector<Filter> filters;
-  std::vector<LaneStrip> strips;
-  std::vector<LanePoint> points;  // of the strips
+  std::vector<LaneRun> runs;
   std::vector<Add> adds;
   std::vector<const Record*> records;
 
@@ -39,14 +39,12 @@ struct NotingLanes {
   static LaneKernels best() noexcept { return {filter, weigh_records_scalar, add}; }
 
  private:
-  static std::uint32_t filter(float share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+  static std::uint32_t filter(float share, LaneLayout layout, const LaneRun* runs, std::uint32_t n,
+                              UnitIndex* out) {
     NotedCalls& calls = *NotedCalls::now;
-    calls.filters.push_back({share, calls.strips.size(), n});
-    for (std::uint32_t i = 0; i < n; ++i) {
-      calls.strips.push_back(strips[i]);
-      calls.points.push_back(*strips[i].at);
-    }
-    return filter_lanes_scalar(share, strips, n, out);
+    calls.filters.push_back({share, layout, calls.runs.size(), n});
+    calls.runs.insert(calls.runs.end(), runs, runs + n);
+    return filter_lanes_scalar(share, layout, runs, n, out);
   }
   static std::uint32_t add(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                            WeightedSums& sums) {
@@ -79,7 +77,6 @@ class ScalarOverVectors : public Experiment {
     auto session = cache_.open_session(0);
     const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size() - kQueries));
     for (std::uint32_t i = first; i < first + kQueries; ++i) session.query(plan_.points()[i]);
-    for (std::size_t i = 0; i < calls.strips.size(); ++i) calls.strips[i].at = &calls.points[i];
     const auto time = [&](const LaneKernels& kernels) {
       repeat(kernels, calls);
       return seconds([&] {
@@ -97,8 +94,8 @@ class ScalarOverVectors : public Experiment {
  private:
   void repeat(const LaneKernels& kernels, const NotedCalls& calls) {
     for (const NotedCalls::Filter& f : calls.filters) {
-      kept_.resize(f.n * kStripLanes + kStripLanes);
-      checksum_ += kernels.filter(f.share, &calls.strips[f.first], f.n, kept_.data());
+      kept_.resize(f.n * kCellLanes + kStripLanes);
+      checksum_ += kernels.filter(f.share, f.layout, &calls.runs[f.first], f.n, kept_.data());
     }
     for (const NotedCalls::Add& add : calls.adds) {
       WeightedSums sums{};

@@ -120,11 +120,15 @@ class PackedCells {
     }
   }
 
+  /// The grid's entry for the cell of its finest level that holds u; one without anything if its brick is missing.
+  const Entry& finest_entry_at(const GridPoint& u) const noexcept {
+    // Brick 0 is nobody's: no cell is there.
+    return finest_entry_in(dense_entry(top_level(), u).branch.node.load(std::memory_order_acquire /* P2 */), u);
+  }
   /// The grid's entry for the cell of `level` that holds u; one without anything if its brick is missing.
   const Entry& entry_at(int level, const GridPoint& u) const noexcept {
     const Entry& entry = dense_entry(std::min(level, top_level()), u);
     if (level <= top_level()) return entry;
-    // Brick 0 is nobody's: no cell is there.
     return entry_in(entry.branch.node.load(std::memory_order_acquire /* P2 */), level, u);
   }
   Node& node(UnitIndex i) const noexcept { return *std::launder(static_cast<Node*>(nodes_.at(i))); }
@@ -232,7 +236,7 @@ class PackedCells {
  private:
   // The part of the grid's two finest levels that lies in a cell of the level above, whose entry's `node` is the brick.
   struct Brick {
-    Entry entry[8 + 64];
+    Entry upper[8], finest[4][4][4];
   };
   static_assert(sizeof(Entry) == kEntryBytes && sizeof(Brick) == kBrickBytes);
 
@@ -245,6 +249,12 @@ class PackedCells {
   }
   // Entries of the levels above `level`: (8^level - 1) / 7.
   static constexpr std::uint32_t grid_begin(int level) noexcept { return ((1u << (3 * level)) - 1) / 7; }
+  // Where in the arena the entries of a level begin, that of its unit 1 being the first.
+  static constexpr auto kBegin = [] {
+    std::array<UnitIndex, kMostGridLevels + 1> begin{};
+    for (int level = 0; level <= kMostGridLevels; ++level) begin[static_cast<std::size_t>(level)] = 1 + grid_begin(level);
+    return begin;
+  }();
   std::uint32_t top_cells() const noexcept { return 1u << (3 * top_level()); }
   std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
 
@@ -268,14 +278,18 @@ class PackedCells {
   Entry& dense_entry(int level, const GridPoint& u) const noexcept {
     const int shift = kMaxLevel - level;
     const std::int32_t at = (((u.z >> shift << level) | u.y >> shift) << level) | u.x >> shift;
-    return *std::launder(static_cast<Entry*>(grid_.at(1 + grid_begin(level) + static_cast<UnitIndex>(at))));
+    return *std::launder(static_cast<Entry*>(grid_.at(kBegin[static_cast<std::size_t>(level)] + static_cast<UnitIndex>(at))));
   }
   Entry& entry_in(UnitIndex brick, int level, const GridPoint& u) const noexcept {
-    const unsigned upper = OctreeAddressing::octant(u, top_level());
-    const unsigned at =
-        level < grid_level_ ? upper : 8 + 8 * upper + OctreeAddressing::octant(u, top_level() + 1);
-    return std::launder(static_cast<Brick*>(bricks_.at(brick)))->entry[at];
+    if (level == grid_level_) return finest_entry_in(brick, u);
+    return brick_at(brick).upper[OctreeAddressing::octant(u, top_level())];
   }
+  Entry& finest_entry_in(UnitIndex brick, const GridPoint& u) const noexcept {
+    const int shift = kMaxLevel - grid_level_;
+    constexpr std::int32_t kLast = (1 << kBrickLevels) - 1;
+    return brick_at(brick).finest[u.z >> shift & kLast][u.y >> shift & kLast][u.x >> shift & kLast];
+  }
+  Brick& brick_at(UnitIndex i) const noexcept { return *std::launder(static_cast<Brick*>(bricks_.at(i))); }
 
   /// What `word` points at, installed if missing; 0 if the pool is used up.
   template <class Pool, class Counters>

@@ -77,20 +77,30 @@ HWY_INLINE Float place_of(Word lane) {
   return hn::ConvertTo(Floats(), hn::BitCast(Ints(), place));
 }
 
+/// A LanePoint before every lane of a vector.
+struct Query {
+  HWY_INLINE explicit Query(const LanePoint& at)
+      : x(hn::Set(Floats(), at.x)),
+        y(hn::Set(Floats(), at.y)),
+        z(hn::Set(Floats(), at.z)),
+        slack(hn::Set(Floats(), at.slack)) {}
+  Float x, y, z, slack;
+};
+
 /// `keeps` (caches/packed_lanes.h), operation by operation.
-HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const LanePoint& at, Word lane) {
+HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const Query& at, Word lane) {
   const Words words;
   const Floats floats;
-  const Float dx = hn::Sub(hn::Set(floats, at.x), place_of<0>(lane));
-  const Float dy = hn::Sub(hn::Set(floats, at.y), place_of<1>(lane));
-  const Float dz = hn::Sub(hn::Set(floats, at.z), place_of<2>(lane));
+  const Float dx = hn::Sub(at.x, place_of<0>(lane));
+  const Float dy = hn::Sub(at.y, place_of<1>(lane));
+  const Float dz = hn::Sub(at.z, place_of<2>(lane));
   const Float distance2 = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
   const Word code = hn::ShiftRight<3 * kPlaceBits>(lane);
   const Float expressed =
       hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
   const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
   const Float reach = hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed);
-  const Float most = hn::Add(hn::Mul(reach, share), hn::Set(floats, at.slack));
+  const Float most = hn::Add(hn::Mul(reach, share), at.slack);
   return hn::Lt(distance2, hn::Mul(most, most));
 }
 
@@ -116,24 +126,31 @@ HWY_INLINE Word compressed(Word from, hn::Mask<Words> keep) {
 }
 
 // Without a branch on what the lanes hold: which of them are kept cannot be foreseen.
-std::uint32_t filter_lanes(float query_share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out) {
+std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* runs, std::uint32_t n,
+                           UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
   const Float share = hn::Set(Floats(), query_share);
-  std::uint32_t kept = 0;
-  for (const LaneStrip* s = strips; s != strips + n; ++s) {
-    for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
-      const std::uint64_t bits = s->bits >> i & (~std::uint64_t{0} >> (64 - lanes));
-      if (lanes < kStripLanes && bits == 0) continue;
-      const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
-      const Word lane = load(s->words + i, bits, mask);
-      const Word index = load(s->words + s->stride + i, bits, mask);
-      const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, *s->at, lane)));
-      hn::StoreU(compressed(index, keep), words, out + kept);  // the whole vector
-      kept += static_cast<std::uint32_t>(hn::CountTrue(words, keep));
+  UnitIndex* end = out;
+  for (const LaneRun* run = runs; run != runs + n; ++run) {
+    const Query at(run->at);
+    const std::uint32_t *strip = run->first, *next = run->more;
+    for (std::uint64_t rest = run->mask; rest != 0; rest >>= kStripLanes) {
+      for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
+        const std::uint64_t bits = rest >> i & (~std::uint64_t{0} >> (64 - lanes));
+        if (lanes < kStripLanes && bits == 0) continue;
+        const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
+        const Word lane = load(strip + i, bits, mask);
+        const Word index = load(strip + layout.stride + i, bits, mask);
+        const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, at, lane)));
+        hn::StoreU(compressed(index, keep), words, end);  // the whole vector
+        end += hn::CountTrue(words, keep);
+      }
+      strip = next;
+      next += layout.step;
     }
   }
-  return kept;
+  return static_cast<std::uint32_t>(end - out);
 }
 
 #if HWY_TARGET == HWY_SCALAR
@@ -241,6 +258,7 @@ std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* r
     valid += hn::CountTrue(floats, hn::Gt(weight, hn::Zero(floats)));
     HWY_ALIGN float weights[kGroup];
     hn::Store(weight, floats, weights);
+#pragma GCC unroll 8
     for (std::size_t k = 0; k < kGroup; ++k) {
       // What stands behind the irradiance is no float.
       const auto row = hn::LoadU(colours, reinterpret_cast<const float*>(records[i + k]) + kE);

@@ -51,7 +51,8 @@ class PackedFrozen {
   template <class F>
   void visit(const SurfacePoint& x, F&& f) const noexcept {
     if (!is_askable(x, config_.bounds)) return;
-    const GridPoint u = addressing_.quantise(x.p);
+    const glm::vec3 p = addressing_.to_grid(x.p);
+    const GridPoint u = OctreeAddressing::quantise_grid(p);
     int level = grid_level_;
     std::uint32_t word = grid_[grid_index(u)];
     while ((word & kIsNode) != 0) {
@@ -61,19 +62,14 @@ class PackedFrozen {
     const std::uint32_t* run = words_.data() + std::size_t{word} * kRunUnit;
     const std::uint32_t n = run[0];
     __builtin_prefetch(run + kStripLanes);
-    const int shift = kMaxLevel - level;
-    const PackedCell where{u.x >> shift, u.y >> shift, u.z >> shift, level};
-    const LanePoint at = make_lane_point(addressing_.to_grid(x.p), where.corner(), level);
     const float share = make_lane_share(config_.a, config_.a_max);
-    std::array<LaneStrip, kStripsAtOnce> strips;
-    std::array<UnitIndex, (kStripsAtOnce + 1) * kStripLanes> kept;
-    for (std::uint32_t first = 0; first < n; first += kStripsAtOnce * kStripLanes) {
-      std::uint32_t count = 0;
-      for (std::uint32_t i = first; i < n && count < kStripsAtOnce; i += kStripLanes) {
-        const std::uint32_t lanes = std::min(n - i, kStripLanes);
-        strips[count++] = {run + 1 + i, &at, n, 0xffffu >> (kStripLanes - lanes)};
-      }
-      const std::uint32_t k = kernels_.filter(share, strips.data(), count, kept.data());
+    LaneRun lanes{nullptr, nullptr, 0, make_lane_point(p, u, level)};
+    std::array<UnitIndex, kCellLanes + kStripLanes> kept;
+    for (std::uint32_t first = 0; first < n; first += kCellLanes) {
+      lanes.first = run + 1 + first;
+      lanes.more = lanes.first + kStripLanes;
+      lanes.mask = ~std::uint64_t{0} >> (kCellLanes - std::min(n - first, kCellLanes));
+      const std::uint32_t k = kernels_.filter(share, {kStripLanes, n}, &lanes, 1, kept.data());
       if (k == 0) continue;
       std::fill_n(kept.begin() + k, kWeighed, kept[0]);  // there is a record behind the last one
       for (std::uint32_t i = 0; i < k; i += kWeighed) {
@@ -101,7 +97,6 @@ class PackedFrozen {
   static constexpr std::uint32_t kIsNode = 1u << 31;
   static constexpr std::size_t kRunUnit = 4;
   static constexpr int kMostGridLevel = 7;
-  static constexpr std::uint32_t kStripsAtOnce = 8;
   // A leaf of more lanes is split, unless its children would hold as many.
   static constexpr std::size_t kLeafLanes = 64;
   static constexpr double kLeastGain = 0.75;

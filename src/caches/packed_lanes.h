@@ -28,6 +28,7 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <utility>
 
 #include "core/arena.h"
 #include "core/interpolation.h"
@@ -86,10 +87,11 @@ struct LanePoint {
   float slack;
 };
 
-/// A query at `p`, in grid units, before a cell of `level` with lower corner `corner`. The differences are exact: p
-/// lies in the cell.
-inline LanePoint make_lane_point(const glm::vec3& p, const glm::vec3& corner, int level) noexcept {
+/// A query at `p`, in grid units, in the cell of `level` that holds `u`. The differences are exact: p lies in the cell.
+inline LanePoint make_lane_point(const glm::vec3& p, const GridPoint& u, int level) noexcept {
   const float steps = steps_of_unit(level);
+  const std::int32_t of_cell = -(1 << (kMaxLevel - level));
+  const glm::vec3 corner(u.x & of_cell, u.y & of_cell, u.z & of_cell);
   // Half a step: a lane's place is the lower end of where it may be.
   constexpr float kOrigin = kLaneMargin * (1 << kStepBits) - 0.5f;
   return {(p.x - corner.x) * steps + kOrigin, (p.y - corner.y) * steps + kOrigin,
@@ -112,6 +114,7 @@ inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept
 
 /// Most lanes that are tested at once.
 inline constexpr std::uint32_t kStripLanes = 16;
+inline constexpr std::uint64_t kStripMask = (std::uint64_t{1} << kStripLanes) - 1;
 
 /// Lanes lie in strips of so many, in structure-of-arrays form: their places, then their indices. A cell has four
 /// strips at most, and one bit of its mask a lane.
@@ -119,19 +122,26 @@ inline constexpr std::uint32_t kStripWords = 2 * kStripLanes;
 inline constexpr std::uint32_t kCellStrips = 4;
 inline constexpr std::uint32_t kCellLanes = kCellStrips * kStripLanes;
 
-/// Neighbouring lanes. Those outside `bits` may be written by others just now and must not be loaded.
-struct LaneStrip {
-  const std::uint32_t* words;  ///< places; indices are `stride` further
-  const LanePoint* at;
-  std::uint32_t stride;
-  std::uint32_t bits;  ///< which lanes have been published
+/// The lanes of a cell, in strips. Those outside `mask` may be written by others just now and must not be loaded.
+struct LaneRun {
+  const std::uint32_t* first;  ///< the first strip's places
+  const std::uint32_t* more;   ///< the second's, if a lane of it is in the mask; the others' follow
+  std::uint64_t mask;          ///< which lanes have been published
+  LanePoint at;
+};
+
+/// Where the words of a run lie, in words from one another.
+struct LaneLayout {
+  std::uint32_t step;    ///< from the second strip's places to the third's, and so on
+  std::uint32_t stride;  ///< from a lane's place to its index
 };
 
 /// How lanes, and the records that they keep, are tested.
 struct LaneKernels {
-  /// Writes the indices of all lanes of `n` strips that `keeps` keeps to `out`, in their order; returns how many. `out`
+  /// Writes the indices of all lanes of `n` runs that `keeps` keeps to `out`, in their order; returns how many. `out`
   /// has room for kStripLanes more than there are lanes.
-  std::uint32_t (*filter)(float share, const LaneStrip* strips, std::uint32_t n, UnitIndex* out);
+  std::uint32_t (*filter)(float share, LaneLayout layout, const LaneRun* runs, std::uint32_t n,
+                          UnitIndex* out);
 
   /// weights[i] = split_sphere_weight(x, *records[i], a) for n records, bit for bit. Both arrays have room for
   /// kWeighed - 1 more, and there is a record at that many.
@@ -171,13 +181,17 @@ std::uint32_t show_valid(const LaneKernels& kernels, const SurfacePoint& x, floa
 }
 
 /// One lane after the other.
-inline std::uint32_t filter_lanes_scalar(float share, const LaneStrip* strips, std::uint32_t n,
+inline std::uint32_t filter_lanes_scalar(float share, LaneLayout layout, const LaneRun* runs, std::uint32_t n,
                                          UnitIndex* out) {
   std::uint32_t kept = 0;
-  for (const LaneStrip* s = strips; s != strips + n; ++s) {
-    for (std::uint32_t rest = s->bits; rest != 0; rest &= rest - 1) {
-      const std::uint32_t* word = s->words + std::countr_zero(rest);
-      if (keeps(share, *s->at, *word)) out[kept++] = word[s->stride];
+  for (const LaneRun* run = runs; run != runs + n; ++run) {
+    const std::uint32_t *words = run->first, *next = run->more;
+    for (std::uint64_t mask = run->mask; mask != 0; mask >>= kStripLanes) {
+      for (auto rest = static_cast<std::uint32_t>(mask & kStripMask); rest != 0; rest &= rest - 1) {
+        const std::uint32_t* word = words + std::countr_zero(rest);
+        if (keeps(share, run->at, *word)) out[kept++] = word[layout.stride];
+      }
+      words = std::exchange(next, next + layout.step);
     }
   }
   return kept;

@@ -206,16 +206,16 @@ class Packed {
   /// Calls f(record, weight) for every published record valid at x for accuracy a.
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    Walk walk;
-    start(walk, x, a);
+    Walk walk = start(x);
     const std::uint32_t levels = cells_.levels_in_use();
     typename Regions::template VisitScope<Counters> scope(regions_, walk.u, levels, counters);
     enter(walk, levels);
     while (step(walk)) {
     }
-    look(walk);
-    filter(walk);
-    test(walk, x, a, counters, f);
+    Candidates candidates;
+    look(walk, candidates);
+    filter(walk, a, candidates);
+    test(walk, candidates, x, a, counters, f);
   }
 
   /// Queries that are under way at once in a batch.
@@ -232,7 +232,8 @@ class Packed {
       return;
     }
     std::array<Walk, kBatch> walks;
-    for (std::size_t i = 0; i < n; ++i) start(walks[i], points[i], a);
+    std::array<Candidates, kBatch> candidates;
+    for (std::size_t i = 0; i < n; ++i) walks[i] = start(points[i]);
     const std::uint32_t levels = cells_.levels_in_use();
     for (std::size_t i = 0; i < n; ++i) enter(walks[i], levels);
     for (unsigned under_way = (1u << n) - 1; under_way != 0;) {
@@ -241,12 +242,12 @@ class Packed {
         if (!step(walks[i])) under_way &= ~(1u << i);
       }
     }
-    for (std::size_t i = 0; i < n; ++i) look(walks[i]);
+    for (std::size_t i = 0; i < n; ++i) look(walks[i], candidates[i]);
     for (std::size_t i = 0; i < n; ++i) {
-      filter(walks[i]);
-      prefetch_records(walks[i]);
+      filter(walks[i], a, candidates[i]);
+      prefetch_records(candidates[i]);
     }
-    for (std::size_t i = 0; i < n; ++i) test(walks[i], points[i], a, counters, visitors[i]);
+    for (std::size_t i = 0; i < n; ++i) test(walks[i], candidates[i], points[i], a, counters, visitors[i]);
   }
 
   /// f(Record&) -> UpdateResult for every record, in parallel over the table. Quiescent.
@@ -364,20 +365,25 @@ class Packed {
     std::array<Copy, kMostCopies> copies;
   };
 
-  /// A query on its way: the cells on its path, what their masks showed, and the records that lanes were kept of.
   static constexpr std::uint32_t kMostPath = kPackedLevels + 1;
+
+  /// A query on its way, and the cells on its path.
   struct Walk {
     GridPoint u;
     glm::vec3 p;  // grid units
-    float share;
     [[no_unique_address]] typename Marks::Moment moment;
     UnitIndex below;  // the node to go to
     int level;        // of its children
-    std::uint32_t cells, strips, kept;
+    std::uint32_t cells;
     std::array<Cell*, kMostPath> cell;
     std::array<int, kMostPath> cell_level;
-    std::array<LanePoint, kMostPath> point;
-    std::array<LaneStrip, kMostPath * kCellStrips> strip;
+  };
+
+  /// What the kernels read and write, and so not of the walk, which else would have to stay in memory: the lanes that
+  /// the cells' masks showed, and the places of the records that lanes were kept of.
+  struct Candidates {
+    std::uint32_t kept;
+    std::array<LaneRun, kMostPath> lanes;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
   };
 
@@ -488,31 +494,34 @@ class Packed {
   }
 
   /// What is known of a query before anything is read, but for its moment.
-  void start(Walk& walk, const SurfacePoint& x, float a) noexcept {
-    walk.u = addressing_.quantise(x.p);
+  Walk start(const SurfacePoint& x) noexcept {
+    Walk walk;
     walk.p = addressing_.to_grid(x.p);
-    walk.share = make_lane_share(a, a_max_);
+    walk.u = OctreeAddressing::quantise_grid(walk.p);
     walk.moment = marks_.moment();
-    walk.cells = walk.strips = walk.kept = 0;
+    walk.cells = 0;
+    return walk;
   }
 
   /// Takes the grid's cells up. `levels`: in use, read after the query's moment, or its snapshot would lack records
   /// whose level was new.
   void enter(Walk& walk, std::uint32_t levels) noexcept {
-    for (std::uint32_t rest = levels; rest != 0; rest &= rest - 1) go_by(walk, std::countr_zero(rest));
-    const Branch& branch = go_by(walk, cells_.grid_level());
-    walk.below = branch.node.load(std::memory_order_acquire /* P2 */);
+    for (std::uint32_t rest = levels; rest != 0; rest &= rest - 1) {
+      const int level = std::countr_zero(rest);
+      go_by(walk, cells_.entry_at(level, walk.u), level);
+    }
+    const auto& finest = cells_.finest_entry_at(walk.u);
+    go_by(walk, finest, cells_.grid_level());
+    walk.below = finest.branch.node.load(std::memory_order_acquire /* P2 */);
     walk.level = cells_.grid_level() + 1;
     __builtin_prefetch(&cells_.node(walk.below));
   }
 
-  /// Takes the grid's cell of `level` up.
-  const Branch& go_by(Walk& walk, int level) noexcept {
-    const auto& entry = cells_.entry_at(level, walk.u);
+  /// Takes a cell of the grid up.
+  void go_by(Walk& walk, const typename Cells::Entry& entry, int level) noexcept {
     take_up(walk, entry.branch, level);
     // Unit 0 of a pool is nobody's, and harmless to prefetch.
     prefetch(cells_.strips(entry.more.load(std::memory_order_relaxed)), kHintedBytes);
-    return entry.branch;
   }
 
   /// Puts a branch's cell on the path if it is there.
@@ -536,46 +545,38 @@ class Packed {
     return true;
   }
 
-  /// Reads how far the cells' lanes reach, and lists them.
-  void look(Walk& walk) noexcept {
+  /// Reads which lanes the cells have.
+  void look(const Walk& walk, Candidates& candidates) noexcept {
     for (std::uint32_t i = 0; i < walk.cells; ++i) {
       Cell& c = *walk.cell[i];
-      const int level = walk.cell_level[i], shift = kMaxLevel - level;
-      const PackedCell where{walk.u.x >> shift, walk.u.y >> shift, walk.u.z >> shift, level};
-      walk.point[i] = make_lane_point(walk.p, where.corner(), level);
-      const std::uint64_t mask = c.mask.load(std::memory_order_acquire /* P6 */);
-      Sync::extent(static_cast<std::uint32_t>(std::popcount(mask)));
-      list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask) & 0xffffu, c.strip);
-      if (mask >> kStripLanes == 0) continue;
-      // Relaxed: the mask that shows one of its lanes was acquired (P6).
-      const std::uint32_t* more = cells_.strips(c.more.load(std::memory_order_relaxed));
-      for (std::uint32_t s = 1; s < kCellStrips; ++s)
-        list_strip(walk, walk.point[i], static_cast<std::uint32_t>(mask >> (s * kStripLanes)) & 0xffffu,
-                   more + (s - 1) * kStripWords);
-    }
-  }
-
-  /// Lists a strip if it has lanes in the mask.
-  void list_strip(Walk& walk, const LanePoint& point, std::uint32_t bits,
-                  const std::uint32_t* strip) noexcept {
-    walk.strip[walk.strips] = {strip, &point, kStripLanes, bits};
-    walk.strips += bits != 0;
-    for (std::uint32_t rest = bits; rest != 0; rest &= rest - 1) {
-      Sync::reads(strip + std::countr_zero(rest), sizeof *strip);
-      Sync::reads(strip + kStripLanes + std::countr_zero(rest), sizeof *strip);
+      LaneRun& lanes = candidates.lanes[i];
+      lanes.at = make_lane_point(walk.p, walk.u, walk.cell_level[i]);
+      lanes.mask = c.mask.load(std::memory_order_acquire /* P6 */);
+      lanes.first = c.strip;
+      // Relaxed: a mask that shows one of its lanes was acquired (P6).
+      const UnitIndex more = c.more.load(std::memory_order_relaxed);
+      lanes.more = cells_.strips(more);
+      Sync::extent(static_cast<std::uint32_t>(std::popcount(lanes.mask)));
+      for (std::uint64_t rest = lanes.mask; rest != 0; rest &= rest - 1) {
+        const std::uint32_t* word = cells_.lane(c, more, static_cast<std::uint32_t>(std::countr_zero(rest)));
+        Sync::reads(word, sizeof *word);
+        Sync::reads(word + kStripLanes, sizeof *word);
+      }
     }
   }
 
   /// Collects the places of the records that lanes are kept of, and behind them, to whole groups, the first once more:
   /// how many there are cannot be foreseen, so that what follows goes by groups.
-  void filter(Walk& walk) noexcept {
-    walk.kept = kernels_.filter(walk.share, walk.strip.data(), walk.strips, walk.places.data());
-    if (walk.kept != 0) std::fill_n(walk.places.begin() + walk.kept, kWeighed, walk.places[0]);
+  void filter(const Walk& walk, float a, Candidates& candidates) noexcept {
+    auto& [kept, lanes, places] = candidates;
+    kept = kernels_.filter(make_lane_share(a, a_max_), {kStripWords, kStripLanes}, lanes.data(), walk.cells,
+                           places.data());
+    if (kept != 0) std::fill_n(places.begin() + kept, kWeighed, places[0]);
   }
 
-  void prefetch_records(const Walk& walk) noexcept {
-    for (std::uint32_t i = 0; i < walk.kept; ++i) {
-      const Stored* stored = &at(walk.places[i]);
+  void prefetch_records(const Candidates& candidates) noexcept {
+    for (std::uint32_t i = 0; i < candidates.kept; ++i) {
+      const Stored* stored = &at(candidates.places[i]);
       __builtin_prefetch(stored);
       __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
     }
@@ -588,7 +589,8 @@ class Packed {
 
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
-  void test(Walk& walk, const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
+  void test(const Walk& walk, const Candidates& candidates, const SurfacePoint& x, float a, Counters& counters,
+            F&& f) noexcept {
     ShownRecords records;
     const auto show = [&](std::uint32_t n) noexcept {
       for (std::uint32_t k = 0; k < n; ++k) Sync::reads(records[k], sizeof(Record));
@@ -596,15 +598,16 @@ class Packed {
       counters.template add<&Counts::records_read>(n);
       counters.template add<&Counts::records_valid>(valid);
     };
-    for (std::uint32_t i = 0; i < walk.kept; i += kWeighed) {
+    for (std::uint32_t i = 0; i < candidates.kept; i += kWeighed) {
       std::array<bool, kWeighed> shows;
       bool all = true;
+#pragma GCC unroll 8
       for (std::uint32_t k = 0; k < kWeighed; ++k) {
-        Stored& stored = at(walk.places[i + k]);
+        Stored& stored = at(candidates.places[i + k]);
         records[k] = &stored.record;
         all &= shows[k] = marks_.shows(stored.mark, walk.moment);
       }
-      std::uint32_t n = std::min(walk.kept - i, kWeighed);
+      std::uint32_t n = std::min(candidates.kept - i, kWeighed);
       if (!all) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
@@ -615,13 +618,16 @@ class Packed {
       }
       show(n);
     }
-    for (std::uint32_t i = 0; i < walk.cells; ++i)
-      list_.visit(walk.cell[i]->rest, list_.moment(), [&](UnitIndex place) noexcept {
-        Stored& stored = at(place);
-        if (!marks_.shows(stored.mark, walk.moment)) return;
-        records.fill(&stored.record);
-        show(1);
-      });
+    for (std::uint32_t i = 0; i < walk.cells; ++i) {
+      const auto& list = walk.cell[i]->rest;
+      if (const std::uint32_t extent = list_.extent(list); extent != 0) [[unlikely]]
+        list_.visit(list, extent, list_.moment(), [&](UnitIndex place) noexcept {
+          Stored& stored = at(place);
+          if (!marks_.shows(stored.mark, walk.moment)) return;
+          records.fill(&stored.record);
+          show(1);
+        });
+    }
   }
 
   /// Takes the copies of dropped records out of a cell; what is kept moves up. Quiescent.

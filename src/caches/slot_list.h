@@ -195,6 +195,14 @@ class SlotPool {
     marks_.publish(*place.mark_);
   }
 
+  /// How far a list reaches.
+  std::uint32_t extent(const List& list) const noexcept {
+    // Relaxed, as in append; read once by a visit.
+    const std::uint32_t n = list.count.load(std::memory_order_relaxed);
+    Sync::extent(n);
+    return n;
+  }
+
   /// What a query has to read before it visits its first list.
   typename Marks::Moment moment() const noexcept { return marks_.moment(); }
 
@@ -202,7 +210,12 @@ class SlotPool {
   /// visit began.
   template <class F>
   void visit(const List& list, typename Marks::Moment moment, F&& f) noexcept {
-    for_each_slot(list, [&](const Slot& slot) {
+    visit(list, extent(list), moment, f);
+  }
+  /// The same where the extent was read already: for those to whom most lists are empty.
+  template <class F>
+  void visit(const List& list, std::uint32_t extent, typename Marks::Moment moment, F&& f) noexcept {
+    for_each_slot(list, extent, [&](const Slot& slot) {
       if (!marks_.shows(*slot.mark, moment)) return;
       Sync::reads(slot.item, sizeof(Item));
       f(static_cast<const Item&>(*slot.item));
@@ -212,7 +225,7 @@ class SlotPool {
   /// Calls f(const Item&) for every item of a list. Quiescent.
   template <class F>
   void for_each(const List& list, F&& f) const {
-    for_each_slot(list, [&](const Slot& slot) {
+    for_each_slot(list, extent(list), [&](const Slot& slot) {
       if (!slot.is_empty()) f(static_cast<const Item&>(*slot.item));
     });
   }
@@ -323,12 +336,9 @@ class SlotPool {
     return &segment(install<Sync>(link, fresh, spare, counters));
   }
 
-  /// f(Slot) for the slots of a list that had been handed out when this was called, as far as their segments are there.
+  /// f(Slot) for the first `left` slots of a list, as far as their segments are there.
   template <class F>
-  void for_each_slot(const List& list, F&& f) const {
-    // Relaxed, as in append; read once: it is the extent of this visit.
-    std::uint32_t left = list.count.load(std::memory_order_relaxed);
-    Sync::extent(left);
+  void for_each_slot(const List& list, std::uint32_t left, F&& f) const {
     const Atomic<UnitIndex>* link = &list.head;
     for (int k = 0; left > 0 && k < kChunks + kHeights; ++k) {
       const UnitIndex i = link->load(std::memory_order_acquire /* P3 */);

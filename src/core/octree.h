@@ -38,8 +38,10 @@ class OctreeAddressing {
   }
 
   /// Cell of the smallest size around `p`, which lies inside the bounds.
-  GridPoint quantise(const glm::vec3& p) const noexcept {
-    return {quantise(p.x - origin_.x), quantise(p.y - origin_.y), quantise(p.z - origin_.z)};
+  GridPoint quantise(const glm::vec3& p) const noexcept { return quantise_grid(to_grid(p)); }
+  /// The same of a point in units of the smallest cell.
+  static GridPoint quantise_grid(const glm::vec3& p) noexcept {
+    return {quantise_grid(p.x), quantise_grid(p.y), quantise_grid(p.z)};
   }
 
   /// `p` in units of the smallest cell, not rounded to one.
@@ -71,9 +73,8 @@ class OctreeAddressing {
   // and distances whose squares would underflow lie within one cell.
   static constexpr float kSmallestSide = 1e-9f;
 
-  std::int32_t quantise(float offset) const noexcept {
-    const auto u = static_cast<std::int32_t>(offset * scale_);
-    return std::clamp(u, 0, (1 << kMaxLevel) - 1);
+  static std::int32_t quantise_grid(float u) noexcept {
+    return std::clamp(static_cast<std::int32_t>(u), 0, (1 << kMaxLevel) - 1);
   }
 
   glm::vec3 origin_;
