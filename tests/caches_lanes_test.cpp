@@ -32,7 +32,9 @@ class RandomLanes {
       const std::uint32_t *first = words_ + 4 * random_.below(40), *more = words_ + 4 * random_.below(40);
       std::uint64_t mask = std::uint64_t{random_()} << 32 | random_();
       if (random_.below(3) == 0) mask = ~std::uint64_t{0};
-      runs.push_back({first, more, mask >> random_.below(64),
+      runs.push_back({first,
+                      more,
+                      mask >> random_.below(64),
                       {place(), place(), place(), 1.0f + 2.0f * random_.uniform()}});
     }
     runs.push_back({words_, words_, 0, runs[0].at});
@@ -119,7 +121,8 @@ TEST(Lanes, EveryWidthWeighsAndAddsAsTheDefinitionDoes) {
       ASSERT_EQ(added, std::count_if(weights.begin(), weights.begin() + n, [](float w) { return w > 0.0f; }))
           << k.name;
       for (std::size_t c = 0; c < sums.size(); ++c)
-        ASSERT_EQ(std::bit_cast<std::uint32_t>(sums[c]), std::bit_cast<std::uint32_t>(expected_sums[c])) << k.name;
+        ASSERT_EQ(std::bit_cast<std::uint32_t>(sums[c]), std::bit_cast<std::uint32_t>(expected_sums[c]))
+            << k.name;
     }
   }
   EXPECT_GT(valid, weighed / 10);
@@ -159,8 +162,8 @@ TEST(Lanes, NoValidRecordIsTurnedAwayAndFewOthersAreKept) {
           const PackedCell cell{u.x >> shift, u.y >> shift, u.z >> shift, level};
           const std::uint32_t lane = make_lane(reach.p(), reach.reach(), cell.corner(), level);
           const bool is_valid = split_sphere_weight(x, r, a) > 0.0f;
-          const bool is_kept = keeps(make_lane_share(a, a_max),
-                                     make_lane_point(addressing.to_grid(x.p), u, level), lane);
+          const bool is_kept =
+              keeps(make_lane_share(a, a_max), make_lane_point(addressing.to_grid(x.p), u, level), lane);
           if (is_valid) {
             ASSERT_TRUE(reach.touches(cell))
                 << "a_max " << a_max << ", scale " << scale << ", level " << level;
@@ -215,8 +218,9 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
       EXPECT_EQ(kept_by(k.kernels, 1.0f, kLayout, {{last, nullptr, kStripMask >> missing, at}}), expected)
           << k.name;
       // The same of a second strip, of which alone lanes are published.
-      EXPECT_EQ(kept_by(k.kernels, 1.0f, kLayout, {{nullptr, last, kStripMask >> missing << kStripLanes, at}}),
-                expected)
+      EXPECT_EQ(
+          kept_by(k.kernels, 1.0f, kLayout, {{nullptr, last, kStripMask >> missing << kStripLanes, at}}),
+          expected)
           << k.name;
     }
   }

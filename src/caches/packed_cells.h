@@ -123,7 +123,8 @@ class PackedCells {
   /// The grid's entry for the cell of its finest level that holds u; one without anything if its brick is missing.
   const Entry& finest_entry_at(const GridPoint& u) const noexcept {
     // Brick 0 is nobody's: no cell is there.
-    return finest_entry_in(dense_entry(top_level(), u).branch.node.load(std::memory_order_acquire /* P2 */), u);
+    return finest_entry_in(dense_entry(top_level(), u).branch.node.load(std::memory_order_acquire /* P2 */),
+                           u);
   }
   /// The grid's entry for the cell of `level` that holds u; one without anything if its brick is missing.
   const Entry& entry_at(int level, const GridPoint& u) const noexcept {
@@ -252,7 +253,9 @@ class PackedCells {
   // Where in the arena the entries of a level begin, that of its unit 1 being the first.
   static constexpr auto kBegin = [] {
     std::array<UnitIndex, kMostGridLevels + 1> begin{};
-    for (int level = 0; level <= kMostGridLevels; ++level) begin[static_cast<std::size_t>(level)] = 1 + grid_begin(level);
+    for (int level = 0; level <= kMostGridLevels; ++level) {
+      begin[static_cast<std::size_t>(level)] = 1 + grid_begin(level);
+    }
     return begin;
   }();
   std::uint32_t top_cells() const noexcept { return 1u << (3 * top_level()); }
@@ -278,7 +281,8 @@ class PackedCells {
   Entry& dense_entry(int level, const GridPoint& u) const noexcept {
     const int shift = kMaxLevel - level;
     const std::int32_t at = (((u.z >> shift << level) | u.y >> shift) << level) | u.x >> shift;
-    return *std::launder(static_cast<Entry*>(grid_.at(kBegin[static_cast<std::size_t>(level)] + static_cast<UnitIndex>(at))));
+    const UnitIndex begin = kBegin[static_cast<std::size_t>(level)];
+    return *std::launder(static_cast<Entry*>(grid_.at(begin + static_cast<UnitIndex>(at))));
   }
   Entry& entry_in(UnitIndex brick, int level, const GridPoint& u) const noexcept {
     if (level == grid_level_) return finest_entry_in(brick, u);

@@ -116,7 +116,7 @@ HWY_INLINE Word compressed(Word from, hn::Mask<Words> keep) {
   if constexpr (kCompresses) {
     return hn::Compress(from, keep);
   } else {
-    // Highway does it by a table as well, which GCC 12 copies to the stack every time (seen where vectors have 8 lanes).
+    // Highway does it by a table as well, which GCC 12 copies to the stack every time (seen with 8 lanes a vector).
     static_assert(kCompresses || hn::MaxLanes(Words()) <= 8);
     std::uint8_t bits[8];
     hn::StoreMaskBits(words, keep, bits);
@@ -135,7 +135,7 @@ std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* 
   for (const LaneRun* run = runs; run != runs + n; ++run) {
     const Query at(run->at);
     const std::uint32_t *strip = run->first, *next = run->more;
-    for (std::uint64_t rest = run->mask; rest != 0; rest >>= kStripLanes) {
+    for (std::uint64_t rest = run->mask; rest != 0;) {
       for (std::uint32_t i = 0; i < kStripLanes; i += lanes) {
         const std::uint64_t bits = rest >> i & (~std::uint64_t{0} >> (64 - lanes));
         if (lanes < kStripLanes && bits == 0) continue;
@@ -146,6 +146,8 @@ std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* 
         hn::StoreU(compressed(index, keep), words, end);  // the whole vector
         end += hn::CountTrue(words, keep);
       }
+      rest >>= kStripLanes;
+      if (rest == 0) break;
       strip = next;
       next += layout.step;
     }
@@ -286,7 +288,8 @@ namespace {
 /// The kernels for the best of the targets that are allowed now.
 LaneKernels chosen_kernels() {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records), HWY_DYNAMIC_DISPATCH(add_records)};
+  return {HWY_DYNAMIC_DISPATCH(filter_lanes), HWY_DYNAMIC_DISPATCH(weigh_records),
+          HWY_DYNAMIC_DISPATCH(add_records)};
 }
 
 }  // namespace

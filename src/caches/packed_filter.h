@@ -17,7 +17,9 @@ namespace icbench {
 
 /// One lane after the other: the reference.
 struct ScalarLanes {
-  static LaneKernels best() noexcept { return {filter_lanes_scalar, weigh_records_scalar, add_records_scalar}; }
+  static LaneKernels best() noexcept {
+    return {filter_lanes_scalar, weigh_records_scalar, add_records_scalar};
+  }
 };
 
 /// Many at once.

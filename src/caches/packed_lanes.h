@@ -186,12 +186,15 @@ inline std::uint32_t filter_lanes_scalar(float share, LaneLayout layout, const L
   std::uint32_t kept = 0;
   for (const LaneRun* run = runs; run != runs + n; ++run) {
     const std::uint32_t *words = run->first, *next = run->more;
-    for (std::uint64_t mask = run->mask; mask != 0; mask >>= kStripLanes) {
+    for (std::uint64_t mask = run->mask; mask != 0;) {
       for (auto rest = static_cast<std::uint32_t>(mask & kStripMask); rest != 0; rest &= rest - 1) {
         const std::uint32_t* word = words + std::countr_zero(rest);
         if (keeps(share, run->at, *word)) out[kept++] = word[layout.stride];
       }
-      words = std::exchange(next, next + layout.step);
+      mask >>= kStripLanes;
+      if (mask == 0) break;
+      words = next;
+      next += layout.step;
     }
   }
   return kept;

@@ -51,8 +51,8 @@
 //
 //   visit   wait-free: the levels in use; a brick and a hint for each level of the grid, two words a level; of each
 //           cell on the path the mask, the word of its further lanes and the list's count; then the lanes and places
-//           that these showed, once (list_steps), but for the mark of the first record, up to eight times. A cell
-//           counts as two lists, its lanes and the rest.
+//           that these showed, once (list_steps), but without snapshots the mark of the first record up to eight
+//           times. A cell counts as two lists, its lanes and the rest.
 //
 // Linearization (StdSync): by Visibility, as for the Ward tree: a record appears everywhere at once, by its mark, so
 // visits are per-record linearizable; a snapshot is linearizable. For P4, a record's lanes are published before its
@@ -88,8 +88,8 @@ class Packed {
   static constexpr std::size_t kLineBytes = 64, kStoredAlign = 16;
   static constexpr std::uint32_t kFreedBatch = 16;
   struct alignas(kStoredAlign) Stored {
-    typename Marks::Mark mark;
     Record record;
+    typename Marks::Mark mark;
   };
   static_assert(sizeof(Stored) <= kLineBytes, "a record is two cache lines at most");
   using Table = Arena<SharedSync, sizeof(Stored)>;
@@ -131,11 +131,12 @@ class Packed {
   static constexpr std::string_view kInsertBound = Visibility::kIsSnapshot ? "48 level below the grid + 3477"
                                                                            : "48 level below the grid + 3475",
                                     kVisitBound = Visibility::kIsSnapshot
-                                                      ? "69 + per list (3 + links + 5 slots)"
+                                                      ? "41 + per list (3 + links + 5 slots)"
                                                       : "47 + per list (3 + links + 2 slots)";
   static constexpr std::uint32_t kVisitSteps = 1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) +
-                                               2 + Marks::kMomentSteps + (kWeighed - 1) * Marks::kShowsSteps;
-  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 69 : 47));
+                                               2 + Marks::kMomentSteps +
+                                               (Visibility::kIsSnapshot ? 0 : kWeighed - 1);
+  static_assert(kVisitSteps == (Visibility::kIsSnapshot ? 41 : 47));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of an insert `below` levels below the grid.
@@ -589,25 +590,21 @@ class Packed {
 
   /// Tests records exactly and calls f for those that are valid.
   template <class Counters, class F>
-  void test(const Walk& walk, const Candidates& candidates, const SurfacePoint& x, float a, Counters& counters,
-            F&& f) noexcept {
+  void test(const Walk& walk, const Candidates& candidates, const SurfacePoint& x, float a,
+            Counters& counters, F&& f) noexcept {
     ShownRecords records;
-    const auto show = [&](std::uint32_t n) noexcept {
-      for (std::uint32_t k = 0; k < n; ++k) Sync::reads(records[k], sizeof(Record));
-      const std::uint32_t valid = show_valid(kernels_, x, a, records, n, f);
-      counters.template add<&Counts::records_read>(n);
-      counters.template add<&Counts::records_valid>(valid);
-    };
     for (std::uint32_t i = 0; i < candidates.kept; i += kWeighed) {
+      const UnitIndex* places = candidates.places.data() + i;
+      std::uint32_t n = std::min(candidates.kept - i, kWeighed);
+      // A look that may write is not made for nothing.
+      const std::uint32_t looks = Visibility::kIsSnapshot ? n : kWeighed;
       std::array<bool, kWeighed> shows;
       bool all = true;
 #pragma GCC unroll 8
-      for (std::uint32_t k = 0; k < kWeighed; ++k) {
-        Stored& stored = at(candidates.places[i + k]);
-        records[k] = &stored.record;
-        all &= shows[k] = marks_.shows(stored.mark, walk.moment);
-      }
-      std::uint32_t n = std::min(candidates.kept - i, kWeighed);
+      for (std::uint32_t k = 0; k < kWeighed; ++k) records[k] = &at(places[k]).record;
+#pragma GCC unroll 8
+      for (std::uint32_t k = 0; k < looks; ++k)
+        all &= shows[k] = marks_.shows(at(places[k]).mark, walk.moment);
       if (!all) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
@@ -616,18 +613,36 @@ class Packed {
         }
         if (n == 0) continue;
       }
-      show(n);
+      show(records, n, x, a, counters, f);
     }
     for (std::uint32_t i = 0; i < walk.cells; ++i) {
       const auto& list = walk.cell[i]->rest;
       if (const std::uint32_t extent = list_.extent(list); extent != 0) [[unlikely]]
-        list_.visit(list, extent, list_.moment(), [&](UnitIndex place) noexcept {
-          Stored& stored = at(place);
-          if (!marks_.shows(stored.mark, walk.moment)) return;
-          records.fill(&stored.record);
-          show(1);
-        });
+        test_list(list, extent, walk.moment, x, a, counters, f);
     }
+  }
+
+  /// The same of the first `extent` records of a list. Apart, since most lists are empty.
+  template <class Counters, class F>
+  [[gnu::noinline]] void test_list(const typename List::List& list, std::uint32_t extent,
+                                   typename Marks::Moment moment, const SurfacePoint& x, float a,
+                                   Counters& counters, F&& f) noexcept {
+    list_.visit(list, extent, list_.moment(), [&](UnitIndex place) noexcept {
+      Stored& stored = at(place);
+      if (!marks_.shows(stored.mark, moment)) return;
+      ShownRecords records;
+      records.fill(&stored.record);
+      show(records, 1, x, a, counters, f);
+    });
+  }
+
+  template <class Counters, class F>
+  void show(const ShownRecords& records, std::uint32_t n, const SurfacePoint& x, float a, Counters& counters,
+            F&& f) noexcept {
+    for (std::uint32_t k = 0; k < n; ++k) Sync::reads(records[k], sizeof(Record));
+    const std::uint32_t valid = show_valid(kernels_, x, a, records, n, f);
+    counters.template add<&Counts::records_read>(n);
+    counters.template add<&Counts::records_valid>(valid);
   }
 
   /// Takes the copies of dropped records out of a cell; what is kept moves up. Quiescent.

@@ -40,7 +40,7 @@ class OctreeAddressing {
   /// Cell of the smallest size around `p`, which lies inside the bounds.
   GridPoint quantise(const glm::vec3& p) const noexcept { return quantise_grid(to_grid(p)); }
   /// The same of a point in units of the smallest cell.
-  static GridPoint quantise_grid(const glm::vec3& p) noexcept {
+  [[gnu::always_inline]] static GridPoint quantise_grid(const glm::vec3& p) noexcept {
     return {quantise_grid(p.x), quantise_grid(p.y), quantise_grid(p.z)};
   }
 
