@@ -220,7 +220,7 @@ class Packed {
   }
 
   /// Queries that are under way at once in a batch.
-  static constexpr std::size_t kBatch = 8;
+  static constexpr std::size_t kBatch = 16;
 
   /// `visit` for each of at most kBatch points, side by side: while one waits for memory, the others go on. The visitor
   /// of points[i] is visitors[i]. Steps are those of the visits.
