@@ -576,10 +576,13 @@ class Packed {
   }
 
   void prefetch_records(const Candidates& candidates) noexcept {
-    for (std::uint32_t i = 0; i < candidates.kept; ++i) {
-      const Stored* stored = &at(candidates.places[i]);
-      __builtin_prefetch(stored);
-      __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
+    for (std::uint32_t i = 0; i < candidates.kept; i += kWeighed) {
+#pragma GCC unroll 8
+      for (std::uint32_t k = 0; k < kWeighed; ++k) {
+        const Stored* stored = &at(candidates.places[i + k]);
+        __builtin_prefetch(stored);
+        __builtin_prefetch(reinterpret_cast<const std::byte*>(stored + 1) - 1);
+      }
     }
   }
 
@@ -598,13 +601,15 @@ class Packed {
       std::uint32_t n = std::min(candidates.kept - i, kWeighed);
       // A look that may write is not made for nothing.
       const std::uint32_t looks = Visibility::kIsSnapshot ? n : kWeighed;
+      std::array<Stored*, kWeighed> stored;  // nobody else's, so that looks leave it in registers
+#pragma GCC unroll 8
+      for (std::uint32_t k = 0; k < kWeighed; ++k) stored[k] = &at(places[k]);
       std::array<bool, kWeighed> shows;
       bool all = true;
 #pragma GCC unroll 8
-      for (std::uint32_t k = 0; k < kWeighed; ++k) records[k] = &at(places[k]).record;
+      for (std::uint32_t k = 0; k < looks; ++k) all &= shows[k] = marks_.shows(stored[k]->mark, walk.moment);
 #pragma GCC unroll 8
-      for (std::uint32_t k = 0; k < looks; ++k)
-        all &= shows[k] = marks_.shows(at(places[k]).mark, walk.moment);
+      for (std::uint32_t k = 0; k < kWeighed; ++k) records[k] = &stored[k]->record;
       if (!all) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
