@@ -151,13 +151,16 @@ TEST(Deterministic, IsNotSoByItself) {
   Wish wish{"irradiance_cache", "local_write"};
   wish.deterministic = false;
   const std::vector<Made> one = render(cornell_specular_room(), wish);
-  wish.threads = 8;
   wish.width = 64;
   wish.height = 48;
-  const std::vector<Made> eight = render(cornell_specular_room(), wish);
-  wish.threads = 1;
-  EXPECT_FALSE(same(render(cornell_specular_room(), wish), eight));
-  EXPECT_FALSE(same(one, eight));
+  const std::vector<Made> larger = render(cornell_specular_room(), wish);
+  EXPECT_FALSE(same(one, larger));
+  wish.threads = 8;
+  // On a busy machine one thread may have made a whole picture before the others began.
+  constexpr int kPictures = 50;
+  int alike = 0;
+  while (alike < kPictures && same(larger, render(cornell_specular_room(), wish))) ++alike;
+  EXPECT_LT(alike, kPictures);
 }
 
 double mean_of(const Made& made) {
