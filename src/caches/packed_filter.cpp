@@ -260,7 +260,7 @@ std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* r
     valid += hn::CountTrue(floats, hn::Gt(weight, hn::Zero(floats)));
     HWY_ALIGN float weights[kGroup];
     hn::Store(weight, floats, weights);
-#pragma GCC unroll 8
+#pragma GCC unroll kGroup
     for (std::size_t k = 0; k < kGroup; ++k) {
       // What stands behind the irradiance is no float.
       const auto row = hn::LoadU(colours, reinterpret_cast<const float*>(records[i + k]) + kE);

@@ -577,7 +577,7 @@ class Packed {
 
   void prefetch_records(const Candidates& candidates) noexcept {
     for (std::uint32_t i = 0; i < candidates.kept; i += kWeighed) {
-#pragma GCC unroll 8
+#pragma GCC unroll kWeighed
       for (std::uint32_t k = 0; k < kWeighed; ++k) {
         const Stored* stored = &at(candidates.places[i + k]);
         __builtin_prefetch(stored);
@@ -602,14 +602,15 @@ class Packed {
       // A look that may write is not made for nothing.
       const std::uint32_t looks = Visibility::kIsSnapshot ? n : kWeighed;
       std::array<Stored*, kWeighed> stored;  // nobody else's, so that looks leave it in registers
-#pragma GCC unroll 8
-      for (std::uint32_t k = 0; k < kWeighed; ++k) stored[k] = &at(places[k]);
+#pragma GCC unroll kWeighed
+      for (std::uint32_t k = 0; k < kWeighed; ++k) {
+        stored[k] = &at(places[k]);
+        records[k] = &stored[k]->record;
+      }
       std::array<bool, kWeighed> shows;
       bool all = true;
-#pragma GCC unroll 8
+#pragma GCC unroll kWeighed
       for (std::uint32_t k = 0; k < looks; ++k) all &= shows[k] = marks_.shows(stored[k]->mark, walk.moment);
-#pragma GCC unroll 8
-      for (std::uint32_t k = 0; k < kWeighed; ++k) records[k] = &stored[k]->record;
       if (!all) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
