@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::uint64_t kSeed = 5;
 /// Who waits notices at once.
-constexpr WaitCosts kAtOnce{0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 0.0};
+constexpr WaitCosts kAtOnce{0.0, 0.0, {}, {}, 0.0, 0.0, 0.0, 0.0, {}, {}};
 
 /// Every query and insert takes as long as every other.
 CacheCosts flat_costs(double query_ns, double insert_ns, double outside_ns = 0.0) {
@@ -267,6 +267,44 @@ TEST(Simulator, WhoIsLetInBeforeTheKernelLooksDoesNotSleep) {
 }
 
 /// How long waking takes depends on how long the sleep was.
+TEST(Simulator, WhoWaitsInAQueueLooksNowAndThen) {
+  // Looks are after 0, 10, 30, 70, 150, 310 ns, and then every 100.
+  const QueueHandOver reckoned = QueueHandOver::reckoned(10.0, 100.0, 0.0);
+  EXPECT_EQ(reckoned.ns[0], 30.0 - 12.5);
+  EXPECT_EQ(reckoned.ns[1], 70.0 - 37.5);
+  EXPECT_EQ(reckoned.ns[12], 410.0 - 312.5);
+  EXPECT_EQ(reckoned.ns[16], 510.0 - 412.5);
+  EXPECT_EQ(reckoned.leaving(0.0), 0.0);
+  // Two journeys until it can be seen at 40.5, and one of what is seen.
+  EXPECT_EQ(QueueHandOver::reckoned(10.0, 100.0, 14.0).ns[0], 70.0 - 12.5 + 14.0);
+
+  QueueHandOver measured{.leave_ns = 8.0, .transfer_ns = 20.0};
+  for (std::size_t i = 0; i < QueueHandOver::kWaits; ++i) measured.ns[i] = static_cast<double>(i);
+  EXPECT_EQ(measured.after(0.0, 20.0, 100.0), 0.0);
+  EXPECT_EQ(measured.after(30.0, 20.0, 100.0), 1.0);
+  EXPECT_EQ(measured.after(30.0, 30.0, 100.0),
+            20.0 + 2.0 + 10.0);  // as let in 20 later, and 10 on the way back
+  EXPECT_EQ(measured.after(30.0, 0.0, 100.0), 0.0);
+  EXPECT_EQ(measured.after(1'610.0, 20.0, 100.0), 60.0);  // as 100 before
+  EXPECT_EQ(measured.after(8'510.0, 20.0, 100.0), 60.0);
+  EXPECT_EQ(measured.after(1'610.0, 20.0, 0.0), 63.0);
+  EXPECT_GE(measured.after(1e20, 20.0, 100.0), 0.0);
+  EXPECT_LE(measured.after(1e20, 20.0, 100.0), 63.0);
+  EXPECT_EQ(measured.leaving(20.0), 8.0);
+  EXPECT_EQ(measured.leaving(50.0), 38.0);
+  EXPECT_EQ(measured.leaving(0.0), 0.0);
+
+  // Two threads that take turns: each hand-over takes what it takes after such a wait.
+  constexpr double kSection = 100.0, kHandOver = 40.0, kLeaving = 5.0;
+  WaitCosts waits = kAtOnce;
+  waits.queue.ns.fill(kHandOver);
+  waits.queue.leave_ns = kLeaving;
+  const SyntheticPlan plan = made_plan("read_only:records=100:operations=400");
+  const auto o = run(plan, "queuing_mutex", machine_of(2, 0.0), flat_costs(kSection, 0.0), kSeed, waits);
+  EXPECT_EQ(o.lock_contended, 399u);
+  EXPECT_NEAR(o.wall_ns, 400 * kSection + 399 * kHandOver + kLeaving, kLeaving);
+}
+
 TEST(Simulator, WakingTakesWhatItTakesAfterSuchASleep) {
   BySleep times;
   for (std::size_t i = 0; i < BySleep::kSleeps; ++i) times.ns[i] = 100.0 * static_cast<double>(i);
@@ -359,6 +397,8 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   c.host_name = "a host";
   c.transfers.ns = {1.5, 2.5, 3.5};
   c.waits.park_ns = 17.0;
+  c.waits.queue.ns[3] = 7.0;
+  c.waits.queue.leave_ns = 2.0;
   c.pace = {1.25, 1.5};
   c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
   c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today", {"a cache under a workload"}};

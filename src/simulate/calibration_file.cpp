@@ -16,7 +16,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFormat = "icbench calibration of simulations";
-constexpr int kVersion = 4;
+constexpr int kVersion = 5;
 
 double number_at(const Json& j, const char* name) {
   if (!j.is_object() || !j.contains(name) || !j[name].is_number() || !(j[name].get<double>() >= 0.0))
@@ -66,6 +66,9 @@ Calibration parse(const Json& j) {
   read_numbers(j["waits"], "wake_call_ns", c.waits.wake_call_ns.ns);
   read_numbers(j["waits"], "wake_delay_ns", c.waits.wake_delay_ns.ns);
   read_numbers(j["waits"], "lock_ns", c.waits.lock_ns);
+  read_numbers(j["waits"], "queue_ns", c.waits.queue.ns);
+  c.waits.queue.leave_ns = number_at(j["waits"], "queue_leave_ns");
+  c.waits.queue.transfer_ns = number_at(j["waits"], "queue_transfer_ns");
   std::array<double, 2> pace;
   read_numbers(j, "pace", pace);
   c.pace = {pace[0], pace[1]};
@@ -125,6 +128,9 @@ nlohmann::ordered_json Calibration::to_json() const {
   j["waits"]["wake_call_ns"] = waits.wake_call_ns.ns;
   j["waits"]["wake_delay_ns"] = waits.wake_delay_ns.ns;
   j["waits"]["lock_ns"] = waits.lock_ns;
+  j["waits"]["queue_ns"] = waits.queue.ns;
+  j["waits"]["queue_leave_ns"] = waits.queue.leave_ns;
+  j["waits"]["queue_transfer_ns"] = waits.queue.transfer_ns;
   j["pace"] = {pace.alone, pace.together};
   j["harness_query_ns"] = harness_query_ns;
   if (validation) {

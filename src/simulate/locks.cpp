@@ -27,6 +27,44 @@ struct Backoff {
 constexpr Backoff kOurs{256, 1.0};   // NoHooks::wait_turn
 constexpr Backoff kOneTbb{1, 16.0};  // its detail::d0::atomic_backoff
 
+/// The first look, of one who has looked since then, that finds what can be seen from `seen` on.
+double look_at(double since, double seen, const Backoff& backoff, double pause_ns, double yield_ns) noexcept {
+  double look = since;
+  for (double turn = 1.0; turn <= backoff.longest; turn *= 2.0) {
+    for (unsigned i = 0; i < backoff.of_each; ++i) {
+      if (look >= seen) return look;
+      look += turn * pause_ns;
+    }
+  }
+  if (look >= seen || yield_ns <= 0.0) return std::max(look, seen);
+  return look + std::ceil((seen - look) / yield_ns) * yield_ns;
+}
+
+}  // namespace
+
+QueueHandOver QueueHandOver::reckoned(double pause_ns, double yield_ns, double transfer_ns) {
+  QueueHandOver out{.leave_ns = transfer_ns, .transfer_ns = transfer_ns};
+  for (std::size_t i = 0; i < kWaits; ++i) {
+    const double waited = (static_cast<double>(i) + 0.5) * kStepNs;
+    const double seen = waited + 2.0 * transfer_ns;
+    out.ns[i] = look_at(0.0, seen, kOneTbb, pause_ns, yield_ns) + transfer_ns - waited;
+  }
+  return out;
+}
+
+double QueueHandOver::after(double waited, double transfer, double yield) const noexcept {
+  constexpr double kLast = kStepNs * kWaits;
+  // Farther away it is seen later, as if let in later, and its word comes back later.
+  const double farther = transfer - transfer_ns;
+  const double later = std::max(0.0, waited + 2.0 * farther);
+  double place = later;
+  if (place >= kLast && yield > 0.0) place -= std::ceil((place - kLast) / yield) * yield;
+  const auto i = static_cast<std::size_t>(std::clamp(place / kStepNs, 0.0, kWaits - 1.0));
+  return std::max(0.0, later - waited + ns[i] + farther);
+}
+
+namespace {
+
 /// What all models have.
 class Model : public VirtualLock {
  public:
@@ -49,16 +87,8 @@ class Model : public VirtualLock {
   /// When one who looks at the word now and then, after ever longer turns, sees what was written at t.
   double noticed(const Visitor& writer, const Waiting& waiting, double t,
                  const Backoff& backoff) const noexcept {
-    const double seen = t + transfer(writer, waiting.visitor);
-    double look = waiting.since;
-    for (double turn = 1.0; turn <= backoff.longest; turn *= 2.0) {
-      for (unsigned i = 0; i < backoff.of_each; ++i) {
-        if (look >= seen) return look;
-        look += turn * costs_.pause_ns;
-      }
-    }
-    if (look >= seen || costs_.yield_ns <= 0.0) return std::max(look, seen);
-    return look + std::ceil((seen - look) / costs_.yield_ns) * costs_.yield_ns;
+    return look_at(waiting.since, t + transfer(writer, waiting.visitor), backoff, costs_.pause_ns,
+                   costs_.yield_ns);
   }
   /// When one who sleeps, or is about to, goes on, if somebody calls for it at t.
   double awake(const Waiting& sleeper, double t) const noexcept {
@@ -170,7 +200,7 @@ class Queue final : public Model {
     if (!std::exchange(is_held_, true)) return {t, true};
     // The place in the queue is taken after the clock was read.
     const Arrival waits = waits_from(t);
-    queue_.push_back({v, line_.write(machine_, v.core, waits.time)});
+    queue_.push_back({v, waits.time});
     return waits;
   }
   std::optional<double> resume(const Visitor&, double t) override { return t; }
@@ -179,13 +209,12 @@ class Queue final : public Model {
       is_held_ = false;
       return line_.write(machine_, v.core, t);
     }
-    // Who comes writes its name into the word of who was last, who has to read that; and its own word lies where it
-    // waits, so it is taken away before it is given back.
     const Waiting next = queue_.front();
     queue_.pop_front();
-    t += transfer(next.visitor, v);
-    wake_(next.visitor.thread, noticed(v, next, t + transfer(v, next.visitor), kOneTbb));
-    return t;
+    const double line_ns = transfer(v, next.visitor);
+    wake_(next.visitor.thread,
+          std::max(t, next.since) + costs_.queue.after(t - next.since, line_ns, costs_.yield_ns));
+    return t + costs_.queue.leaving(line_ns);
   }
 
  private:

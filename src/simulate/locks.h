@@ -13,13 +13,14 @@
 //                    vain, too (Anderson, The Performance of Spin Lock Alternatives for Shared-Memory Multiprocessors,
 //                    IEEE TPDS 1(1), 1990): half a transfer for each
 //   queue            first come, first served, each waiter on a word of its own (oneTBB's queuing_mutex; after
-//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses; who leaves
-//                    first reads its own word, where the next one left its name
+//                    Mellor-Crummey and Scott 1991), which it looks at after ever longer pauses: when it finds
+//                    what was written there is measured, by how long it has waited
 //   futex_rw         glibc's readers-writer lock: readers count themselves on one line, and go first; waiters sleep
 //   spin_rw          oneTBB's: readers count themselves on one line; a writer that waits keeps new readers out
 //   distributed_rw   readers write a line of their own and read the writer's; a writer looks at all of them
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -54,6 +55,29 @@ struct BySleep {
   std::array<double, kSleeps> ns{};  ///< each >= 0
 };
 
+/// Handing a queue's lock to the thread that waits next, nanoseconds, by how long that one has waited: it looks at its
+/// word after ever longer pauses, so who is let in just after a look waits for the next one. Beyond the last entry it
+/// gives up the processor between looks, and what was measured repeats itself with every turn of that.
+struct QueueHandOver {
+  static constexpr std::size_t kWaits = 64;
+  /// What entry i is of: waits from i to i + 1 times so long.
+  static constexpr double kStepNs = 25.0;
+
+  /// As reckoned from what a turn of the waiting loop, giving up the processor and a line's transfer take: the word of
+  /// the one who leaves comes to it with the name of the next, that one's word is taken away, and comes back.
+  static QueueHandOver reckoned(double pause_ns, double yield_ns, double transfer_ns);
+
+  /// From giving it back until the next one has it, `waited` nanoseconds after that one came (from when it is there);
+  /// `transfer`: what a line takes between the two.
+  double after(double waited, double transfer, double yield) const noexcept;
+  /// Of the thread that gives it back: more than with nobody waiting.
+  double leaving(double transfer) const noexcept { return std::max(0.0, leave_ns + transfer - transfer_ns); }
+
+  std::array<double, kWaits> ns{};  ///< each >= 0
+  double leave_ns = 0.0;            ///< >= 0
+  double transfer_ns = 0.0;         ///< what a line took between the two threads of the measurement
+};
+
 /// What waiting costs, nanoseconds; measured by the calibration. The defaults are of the order of what was measured on
 /// virtual machines.
 struct WaitCosts {
@@ -68,6 +92,7 @@ struct WaitCosts {
   /// By LockKind: taking a lock that is free and giving it back, which is in the measured cost of an operation. Half of
   /// it is before the lock is held, half after.
   std::array<double, kLockKinds> lock_ns{};
+  QueueHandOver queue = QueueHandOver::reckoned(20.0, 400.0, 23.0);
 };
 
 /// What handing a lock to a thread that sleeps takes, nanoseconds >= 0, however long it has slept: what-if figures in

@@ -188,6 +188,78 @@ void measure_calls_in_vain(ThreadTeam& two, const TickRate& rate, double transfe
   if (!in_vain.empty()) out.park_ns = median(in_vain);
 }
 
+/// A thread takes a place in the queue of a lock that another one holds, who gives it back after ever longer delays.
+/// As Locked does it: tried in vain, then the clock is read before and after.
+void measure_queue(ThreadTeam& two, const TickRate& rate, double transfer_ns, WaitCosts& out) {
+  constexpr std::size_t kWaits = QueueHandOver::kWaits, kEach = 11;
+  constexpr double kAheadNs =
+      1'500.0;  // until the holder is where it gives the lock back, and the other one waits
+  struct Turn {
+    std::uint64_t came = 0, has = 0, gives = 0, gave = 0;
+  };
+  std::vector<Turn> turns(kWaits * kEach);
+  struct alignas(kNoSharing) {
+    QueuingMutex::Mutex mutex;
+  } lock;
+  std::atomic<std::uint64_t> begin{0};
+  alignas(kNoSharing) std::atomic<int> held{-1}, done{-1};  // the last turn in which it was
+  two.run([&](unsigned t) {
+    for (std::size_t i = 0; i < turns.size(); ++i) {
+      const int turn = static_cast<int>(i);
+      QueuingMutex::Mutex::scoped_lock place;
+      if (t == 0) {
+        place.acquire(lock.mutex);
+        begin.store(ticks() + static_cast<std::uint64_t>(kAheadNs / rate.ns_per_tick),
+                    std::memory_order_relaxed);
+        held.store(turn, std::memory_order_release);  // with the begin
+        // Turns of all lengths mixed: what lasts some turns does not lie on one length alone.
+        const double delay = QueueHandOver::kStepNs * static_cast<double>(i * 29 % (kWaits + 6));
+        wait_until(begin.load(std::memory_order_relaxed) +
+                   static_cast<std::uint64_t>(delay / rate.ns_per_tick));
+        turns[i].gives = ticks();
+        place.release();
+        turns[i].gave = ticks();
+        for (unsigned spins = 0; done.load(std::memory_order_acquire) != turn; ++spins)
+          NoHooks::wait_turn(spins);
+      } else {
+        for (unsigned spins = 0; held.load(std::memory_order_acquire) != turn; ++spins)
+          NoHooks::wait_turn(spins);
+        wait_until(begin.load(std::memory_order_relaxed));
+        if (!place.try_acquire(lock.mutex)) {
+          const auto start = Clock::now();
+          turns[i].came = ticks();
+          place.acquire(lock.mutex);
+          const auto waited = Clock::now() - start;
+          asm volatile("" ::"r"(&waited) : "memory");
+          turns[i].has = ticks();
+        }
+        place.release();
+        done.store(turn, std::memory_order_release);
+      }
+    }
+  });
+  // One stamp is in each difference; and the clock is read by who has the lock.
+  const double stamp_ns = time_of(100, 50, [] {
+    const std::uint64_t now = ticks();
+    asm volatile("" ::"r"(now));
+  });
+  std::array<std::vector<double>, kWaits> by_wait;
+  std::vector<double> leaving;
+  for (const Turn& turn : turns) {
+    if (turn.came == 0 || turn.gives < turn.came || turn.has < turn.gives) continue;
+    leaving.push_back(rate.to_ns(turn.gave - turn.gives));
+    const double place = rate.to_ns(turn.gives - turn.came) / QueueHandOver::kStepNs;
+    if (place < static_cast<double>(kWaits))
+      by_wait[static_cast<std::size_t>(place)].push_back(rate.to_ns(turn.has - turn.gives));
+  }
+  QueueHandOver measured = QueueHandOver::reckoned(out.pause_ns, out.yield_ns, transfer_ns);
+  for (std::size_t i = 0; i < kWaits; ++i) {
+    if (by_wait[i].size() >= 3) measured.ns[i] = std::max(0.0, median(by_wait[i]) - stamp_ns - out.clock_ns);
+  }
+  if (!leaving.empty()) measured.leave_ns = std::max(0.0, median(leaving) - stamp_ns);
+  out.queue = measured;
+}
+
 /// Taking a lock that is free and giving it back, as Locked does, by one thread.
 template <class Policy>
 double measured_lock() {
@@ -228,6 +300,7 @@ void measure_waits(WaitCosts& out) {
   out.pause_ns = time_of(100, 500, [] { spin_pause(); });
   out.yield_ns = time_of(10, 500, [] { std::this_thread::yield(); });
   out.lock_ns = measured_locks();
+  out.queue = QueueHandOver::reckoned(out.pause_ns, out.yield_ns, Transfers().ns[0]);
   out.start_ns = time_of(1, 50, [] { std::jthread([] {}); });
 }
 
@@ -236,6 +309,7 @@ void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits)
   transfers.ns[0] = measured_transfer(two, rate);
   measure_waking(two, rate, waits);
   measure_calls_in_vain(two, rate, transfers.ns[0], waits);
+  measure_queue(two, rate, transfers.ns[0], waits);
 }
 
 }  // namespace icbench
