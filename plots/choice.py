@@ -5,12 +5,14 @@ Every answer comes from one kind of evidence, named in it, and kinds are never m
 - a rendered scene whose thread count was measured, where the rays lie among those measured;
 - else the miss-driven workload at that thread count, where a record costs a set time; rays become a time by the cost of
   a ray, which the rendered scenes tell;
-- else, past the machine's cores, the simulator's results for the miss-driven workload;
+- else, past the machine's cores, the simulator's results for the miss-driven workload, of the mechanisms that were
+  simulated;
 - else the Universal Scalability Law of the miss-driven workload, where enough thread counts were measured;
 - else nothing: there is no answer for that many cores.
 
 Between two measured record costs the time is taken as straight over the cost, repetition by repetition (the time of a
-query is that of the cache plus that of the records made). Outside them the nearest answers, and the answer says so.
+query is that of the cache plus that of the records made). Outside them the nearest answers, and the answer says so: it is
+extrapolated, or simulated and not validated.
 """
 from __future__ import annotations
 
@@ -84,6 +86,7 @@ class Answer:
     repetitions: int
     validated_to: int           # threads, where simulated: the least over all times that were looked at
     place: str
+    inside: bool = True         # whether x lies within what was measured, or simulated
 
     @property
     def tied(self) -> list[Line]:
@@ -263,12 +266,28 @@ def choice(setup: Setup) -> Choice:
     in_rays = bool(rendered) and (math.isfinite(each[0]) or not len(missed))
     threads = sorted({p.threads for p in planes if not (p.certainty == kSimulated and p.threads <= measured)})
     made = Choice(in_rays, kRays if in_rays else kMicroseconds, each, threads, planes, errors, scene)
+    made.notes += _not_simulated(setup, planes, measured)
     if in_rays and not math.isfinite(each[0]):
         made.notes.append("one number of rays alone was rendered, so what a ray costs is not known")
     if not in_rays:
         made.notes.append("no scene was rendered with several numbers of rays a record, so what a ray costs is not "
                           "known: the question is put in microseconds a record")
     return made
+
+
+def _not_simulated(setup: Setup, planes: list[Plane], measured: int) -> list[str]:
+    """What is compared up to the cores of the machine, and not past them."""
+    past = [p for p in planes if p.certainty == kSimulated and p.threads > measured]
+    if not past:
+        return []
+    mechanisms = dict(zip(setup.rows["cache"], setup.rows["mechanism"]))
+    mechanisms |= dict(zip(setup.simulated["cache"], setup.simulated["mechanism"]))
+
+    def kinds(some: list[Plane]) -> set[str]:
+        return {kind_of(mechanisms.get(cache, "unknown")) for p in some for times in p.times.values() for cache in times}
+    missing = kinds([p for p in planes if p.certainty == kMeasured]) - kinds(past) - {kAlone}
+    said = "" if not missing else f"; not simulated, and so not compared there: {', '.join(sorted(missing))}"
+    return [f"past {measured} cores the answers are simulated, whatever the tolerable error{said}"]
 
 
 def _errors(rows: pd.DataFrame) -> pd.DataFrame:
@@ -398,4 +417,5 @@ def answer(made: Choice, mechanisms: dict[str, str], x: float, threads: int, acc
     if not inside and certainty == kMeasured:
         certainty = kExtrapolated
     return Answer(certainty, f"{plane.about}, {place}", plane.rendered, lines,
-                  0 if plane.refits else int(times[caches[0]].notna().sum()), validated_to, plane.place)
+                  0 if plane.refits else int(times[caches[0]].notna().sum()), validated_to if inside else 0,
+                  plane.place, inside)

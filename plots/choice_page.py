@@ -23,6 +23,8 @@ kTitle = "Which scheme to use"
 
 def how_sure(found: Answer) -> str:
     """The certainty in words, never without what it is worth."""
+    if found.certainty == kSimulated and not found.inside:
+        return "simulated at another cost of a record, not validated"
     if found.certainty == kSimulated:
         return simulated.in_words(found.validated_to, found.place)
     return {kMeasured: "measured", kExtrapolated: "extrapolated, not measured"}[found.certainty]

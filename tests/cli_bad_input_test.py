@@ -169,6 +169,8 @@ class BadInput(Case):
                                 (["--workloads", "trace:file=missing.trace"], "missing.trace"),
                                 (["--calibration", "results.json"], "no JSON"),
                                 (["--calibration", "costs.json"], "another version"),
+                                (["--calibration", "."], "is a folder"),
+                                (["--calibration", "/proc/none/costs.json"], "cannot be made"),
                                 (["--transfer", "1,2"], "three numbers"), (["--transfer", "1,2,-3"], "three numbers"),
                                 (["--hand-over", "1"], "two numbers"), (["--hand-over", "1,1e9"], "from 0 to 1e6"),
                                 (["--complex", "3", "--socket", "8"], "multiple"), (["--out", "."], "a folder")):
@@ -176,7 +178,8 @@ class BadInput(Case):
             with self.subTest(arguments):
                 self.refuse("simulate", *(word for option in options.items() for word in option), says=[part])
         self.refuse("simulate", "--validate", "--cores", "0", "--calibration", "none.json", says=["--cores"])
-        self.refuse("simulate", "--validate", "--hand-over", "1,2", "--calibration", "none.json", says=["--hand-over"])
+        for what_if in (["--hand-over", "1,2"], ["--transfer", "1,2,3"]):
+            self.refuse("simulate", "--validate", *what_if, "--calibration", "none.json", says=[what_if[0]])
 
     def test_traces_that_cannot_be_captured_or_read(self):
         self.succeed(*small_capture(out="a.trace"))

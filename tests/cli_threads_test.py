@@ -2,6 +2,7 @@
 """icbench's commands that look into what threads do: traces, accounts of time, held threads, simulations."""
 
 import itertools
+import json
 import unittest
 
 from cli_support import Case, arguments_of, small_capture, small_render, small_sweep
@@ -96,6 +97,7 @@ class Time(Case):
                 shares = {part: row[f"time_{part}_share"] for part in self.PARTS}
                 self.assertGreaterEqual(min(shares.values()), 0)
                 self.assertAlmostEqual(sum(shares.values()) + row["time_unexplained"], 1, places=9)
+                self.assertLess(abs(row["time_unexplained"]), 0.1)  # breakdown_sum holds the median to 3 %
                 if row["workload_kind"] in ("miss_driven", "trace") and row["cache"] != "none":
                     self.assertGreater(shares["query"], 0)
                 if row["workload_kind"] == "insert_only":
@@ -218,6 +220,32 @@ class Simulate(Case):
         self.assertGreater(once["benchmarks"][-1]["redundant_records"], 100)
         self.assertIs(once["context"]["complete"], True)
         self.assertNotEqual(self.simulate(seed=2)["benchmarks"], once["benchmarks"])
+
+    def test_only_what_was_validated_is_called_so(self):
+        given = dict(caches="packed_shared_mutex", cores="5", workloads="miss_driven:cost=1:operations=2000")
+        self.simulate(**given)
+        costs = self.load("deep/costs.json")
+        key, = costs["costs"]
+        costs["validation"] = {"threads": 2, "points": 30, "records_points": 18, "waiting_points": 20,
+                               "throughput_error": 0.05, "records_error": 0.05, "waiting_error": 0.05,
+                               "file_error": 0.1, "date": costs["date"], "commit": costs["commit"],
+                               "errors": {f"{key} at 1 us a record": 0.25}}
+
+        def validated(changes=(), **options):
+            (self.folder / "deep/costs.json").write_text(json.dumps(costs | dict(changes)), encoding="utf-8")
+            row, = self.simulate(**given | options)["benchmarks"]
+            return row["validated_to_threads"], row.get("validated_error")
+
+        self.assertEqual(validated(), (2, 0.25))
+        self.assertEqual(validated(workloads="miss_driven:cost=2:operations=2000"), (0, None))
+        self.assertEqual(validated(transfer="1,2,3"), (0, None))
+        self.assertEqual(validated(**{"hand-over": "1,2"}), (0, None))
+        self.assertEqual(validated({"validation": costs["validation"] | {"commit": "another"}}), (0, None))
+        self.assertEqual(validated({"validation": costs["validation"] | {"waiting_error": 0.2}}), (0, None))
+        self.assertEqual(validated({"cpu_model": "another"}), (2, 0.25))  # costs from elsewhere, validated there
+        self.refuse(*arguments_of("simulate", given | dict(caches="packed_wait_free", calibration="deep/costs.json",
+                                                           out="out.json"), {}),
+                    says=["deep/costs.json", "(another)", "--recalibrate"])
 
     def test_handing_over_a_lock_takes_as_long_as_one_says(self):
         rows = []

@@ -276,6 +276,8 @@ TEST(PerfCounters, WhatIsOfferedIsCountedAndTheRestIsNamed) {
   EXPECT_EQ(offer.names, (std::vector<std::string_view>{"cycles", "instructions", "cache_misses"}));
   EXPECT_TRUE(offer.note.starts_with("l1d_misses: not offered")) << offer.note;
   EXPECT_NE(offer.note.find("; line_transfers: "), std::string::npos) << offer.note;
+  const PerfOffer other = perf_offer(perf_events_of("AuthenticAMD", 0x1a, 2), made_up);
+  EXPECT_NE(other.note.find("; line_transfers: no documented event"), std::string::npos) << other.note;
   PerfGroup group;
   group.open(events, made_up);
   EXPECT_EQ(group.value("instructions"), 2.0 * (1000 + PERF_COUNT_HW_INSTRUCTIONS)) << "scaled up";

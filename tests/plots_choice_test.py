@@ -222,6 +222,15 @@ class Choice(InFolder):
         self.assertEqual(choice.answer(made, mechanisms, 16, 8, None).certainty, "measured")
         page = choice_page.section(setup, "")
         self.assertIn("simulated, validated to 8 threads on this machine", page)
+        # Beyond the costs that were simulated, the nearest answers for no more than itself.
+        beyond = choice.answer(made, mechanisms, 1000, 256, None)
+        self.assertEqual((beyond.certainty, beyond.validated_to), ("simulated", 0))
+        self.assertEqual(choice_page.how_sure(beyond), "simulated at another cost of a record, not validated")
+        self.assertEqual(beyond.how, "points that miss, 64 µs a record, the nearest")
+        self.assertEqual(made.notes[0], "past 8 cores the answers are simulated, whatever the tolerable error")
+        setup.simulated = simulated[simulated["cache"] != "packed_local_write"]
+        self.assertEqual(choice.choice(setup).notes[0], "past 8 cores the answers are simulated, whatever the tolerable "
+                         "error; not simulated, and so not compared there: local write")
 
     def test_an_answer_is_as_far_validated_as_the_least_that_it_draws_on(self):
         measured = self.results(workloads=("miss_driven:cost=1", "miss_driven:cost=64"), threads=(1, 8))
@@ -243,7 +252,7 @@ class Choice(InFolder):
             # The figure of the file, and every answer that draws on the cell, say the same.
             one, = simulated.load(setup.simulated_paths)
             self.assertEqual(one.said, f"simulated, {words}")
-            for cost in (64, 30, 1000):
+            for cost in (64, 30):
                 self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, cost, 256, None)), one.said)
             # At the other cost everything was validated.
             self.assertEqual(choice_page.how_sure(choice.answer(made, mechanisms, 1, 256, None)),

@@ -102,7 +102,7 @@ class Figures(InFolder):
         rates: dict[tuple, list] = {}
         for row in data["benchmarks"]:
             # Where inserts come from misses, repeated ones do not count as work.
-            missed = row["workload_kind"] in ("miss_driven", "ray_traced") and "queries" in row
+            missed = row["workload_kind"] in ("miss_driven", "ray_traced", "trace") and "queries" in row
             rate = row["queries"] / (1e-3 * row["real_time"]) if missed else row["items_per_second"]
             rates.setdefault((row["cache"], row["workload"], row["threads"]), []).append(rate)
         self.good("throughput.py", path, "--out", self.folder)

@@ -381,7 +381,7 @@ TEST(SimulatorValidation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
   compared.simulated.waiting = compared.measured.waiting = {0.0, 0.0, 0.0};
   for (const unsigned before : {0u, 2u, 64u}) {
     compared.entry.counters["validated_to_threads"] = before;
-    Validation outcome{8, 60, 0.05, 0.0, 0.09, "today", {}};
+    Validation outcome{.threads = 8, .points = 60, .throughput_error = 0.05, .waiting_error = 0.09};
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 8u) << before;
     outcome.waiting_error = 0.5;
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 0u) << before;
@@ -401,11 +401,20 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   c.waits.queue.leave_ns = 2.0;
   c.pace = {1.25, 1.5};
   c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
-  c.validation = Validation{2, 60, 0.05, 0.0, 0.09, "today", {"a cache under a workload"}};
+  c.validation = Validation{.threads = 2,
+                            .points = 60,
+                            .records_points = 36,
+                            .waiting_points = 40,
+                            .throughput_error = 0.05,
+                            .waiting_error = 0.09,
+                            .file_error = 0.2,
+                            .date = "today",
+                            .commit = "a build",
+                            .errors = {{"a cache under a workload", 0.07}}};
   write_calibration(c, path);
   EXPECT_EQ(read_calibration(path)->to_json(), c.to_json());
-  EXPECT_TRUE(read_calibration(path)->validation->holds_for("a cache under a workload"));
-  EXPECT_FALSE(read_calibration(path)->validation->holds_for("another cache under a workload"));
+  EXPECT_TRUE(read_calibration(path)->validation->holds());
+  EXPECT_THROW(read_calibration((folder / "deep").string()), std::runtime_error);
   for (const auto& [key, value] : std::initializer_list<std::pair<const char*, nlohmann::ordered_json>>{
            {"format", "something else"},
            {"version", 1},

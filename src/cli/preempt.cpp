@@ -54,6 +54,13 @@ void print_summary(const std::vector<Json>& rows) {
                us(v["latency_query_p999_ns"]), us(v["latency_query_max_ns"]),
                100.0 * median(v["stalled_share"]), median(v["holds"]), name);
   }
+  for (const std::string& name : order) {
+    if (!name.ends_with("/held") || median(values[name]["holds"]) > 0.0) continue;
+    fmt::print(stderr,
+               "warning: {}: in most trials nobody was held before they were over; give --workload more "
+               "operations, or a shorter --pause-ms\n",
+               name);
+  }
 }
 
 void preempt_command(const PreemptOptions& o) {

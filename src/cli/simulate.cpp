@@ -119,11 +119,12 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
                100.0 * median(c.simulated.waiting), c.entry.name);
   }
   const std::string line = fmt::format(
-      "median errors of {} points with 2 to {} threads: throughput {:.1f} %, redundant records "
-      "{:.1f} %, waiting for locks {:.1f} %",
-      outcome.points, outcome.threads, 100.0 * outcome.throughput_error, 100.0 * outcome.records_error,
-      100.0 * outcome.waiting_error);
-  fmt::print("{}\n", line);
+      "median errors with 2 to {} threads: throughput {:.1f} % ({} points), redundant records {:.1f} % ({}), "
+      "waiting for locks {:.1f} % ({})",
+      outcome.threads, 100.0 * outcome.throughput_error, outcome.points, 100.0 * outcome.records_error,
+      outcome.records_points, 100.0 * outcome.waiting_error, outcome.waiting_points);
+  fmt::print("{}\nby the calibration file's costs instead of those of the moment: throughput {:.1f} %\n",
+             line, 100.0 * outcome.file_error);
   simulation.calibration().validation = outcome;
   write_calibration(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
@@ -141,10 +142,14 @@ void simulate_command(const SimulateOptions& o) {
   info.thread_counts = {1};
   nlohmann::ordered_json context = environment(topology, info);
   request.host_name = context.value("host_name", "");
+  request.cpu_model = context.value("cpu_model", "");
+  request.commit = context.value("commit", "");
 
   std::optional<Calibration> calibration;
   if (!o.recalibrate) calibration = read_calibration(request.calibration_path);
   if (!calibration) {
+    make_folder_of(request.calibration_path);
+    require_writable("--calibration", request.calibration_path);  // what cannot be kept is not measured
     fmt::print(stderr, "calibrating this machine into {}\n", request.calibration_path);
     calibration = calibrate_machine(topology, context);
     write_calibration(*calibration, request.calibration_path);
@@ -223,12 +228,15 @@ void add_simulate(CLI::App& app) {
       ->type_name("FILE");
   simulate->add_flag("--recalibrate", o->recalibrate,
                      "Measure all costs anew; what was validated is forgotten");
-  simulate
-      ->add_option("--transfer", o->transfers,
-                   "Nanoseconds for a cache line to another core: within a complex,\na socket, across "
-                   "sockets (default: "
-                   "measured, 107, 197; as an\nAMD EPYC 7R13, see src/simulate/machine.h)")
-      ->type_name("A,B,C");
+  CLI::Option* const transfers =
+      simulate
+          ->add_option(
+              "--transfer", o->transfers,
+              "Nanoseconds for a cache line to another core: within a complex,\na socket, across "
+              "sockets (default: "
+              "measured, 107, 197; as an\nAMD EPYC 7R13, see src/simulate/machine.h); such rows were "
+              "not\nvalidated")
+          ->type_name("A,B,C");
   CLI::Option* const hand_over =
       simulate
           ->add_option(
@@ -243,7 +251,8 @@ void add_simulate(CLI::App& app) {
       ->add_flag("--validate", o->validate,
                  "Measure, too, with all thread counts that this machine has\n(powers of two and all "
                  "units), and tell how far off simulated\nfigures are; status 1 if by more than 10 %")
-      ->excludes(hand_over);
+      ->excludes(hand_over)
+      ->excludes(transfers);
   add_whole(simulate, "--repetitions", o->repetitions, 1u, 100'000u, "Of measured points, for --validate");
   simulate->add_option("--out", o->out, "Results (JSON)")->type_name("FILE")->capture_default_str();
   simulate->callback([o] { simulate_command(*o); });

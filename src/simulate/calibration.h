@@ -13,7 +13,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "harness/topology.h"
@@ -26,19 +25,22 @@ namespace icbench {
 /// How far simulated times were found to be from measured ones.
 struct Validation {
   unsigned threads = 0;         ///< most that were measured
-  unsigned points = 0;          ///< caches x workloads x thread counts
+  unsigned points = 0;          ///< caches x workloads x thread counts, of more than one thread
+  unsigned records_points = 0, waiting_points = 0;  ///< of these, that can repeat work, that can wait
   double throughput_error = 0;  ///< median of |simulated - measured| / measured
   double records_error =
       0;  ///< of redundant records, over the measured ones or 1 % of the records if that is more
   double waiting_error =
       0;  ///< of waiting for locks, over the measured one or 1 % of the time if that is more
-  std::string date;
-  std::set<std::string> keys =
-      {};  ///< of what was measured (key_of): nothing is said of other caches and workloads
+  /// Of throughput, by the costs in the calibration file instead of those of the moment.
+  double file_error = 0;
+  std::string date, commit;  ///< the build that was validated
+  /// Off by how much throughput was with most threads, by Simulation::validated_as: nothing is said of other caches,
+  /// workloads and costs of records.
+  std::map<std::string, double> errors = {};
 
   /// Whether the medians are at most kBar.
   bool holds() const noexcept;
-  bool holds_for(const std::string& key) const { return holds() && keys.contains(key); }
   static constexpr double kBar = 0.10;
 };
 
@@ -60,6 +62,8 @@ std::string default_calibration_path();
 
 /// Throws std::runtime_error with one line if the file is there and is no calibration; nothing if it is not there.
 std::optional<Calibration> read_calibration(const std::string& path);
+/// Makes the folder that a calibration is to be in. Throws std::runtime_error with one line.
+void make_folder_of(const std::string& path);
 /// Replaces the file; makes its folder. Throws std::runtime_error with one line.
 void write_calibration(const Calibration& calibration, const std::string& path);
 

@@ -94,16 +94,18 @@ Calibration parse(const Json& j) {
     };
     out.threads = count_at("threads");
     out.points = count_at("points");
+    out.records_points = count_at("records_points");
+    out.waiting_points = count_at("waiting_points");
     out.throughput_error = number_at(v, "throughput_error");
+    out.file_error = number_at(v, "file_error");
     out.records_error = number_at(v, "records_error");
     out.waiting_error = number_at(v, "waiting_error");
     out.date = text_at(v, "date");
-    if (!v.contains("of") || !v["of"].is_array())
-      throw std::runtime_error("validation: there is no list 'of'");
-    for (const Json& key : v["of"]) {
-      if (!key.is_string()) throw std::runtime_error("validation: 'of' holds what is no text");
-      out.keys.insert(key.get<std::string>());
-    }
+    out.commit = text_at(v, "commit");
+    if (!v.contains("errors") || !v["errors"].is_object())
+      throw std::runtime_error("validation: there is no object 'errors'");
+    for (const auto& [key, unused] : v["errors"].items())
+      out.errors[key] = number_at(v["errors"], key.c_str());
     c.validation = out;
   }
   return c;
@@ -136,11 +138,15 @@ nlohmann::ordered_json Calibration::to_json() const {
   if (validation) {
     j["validation"] = {{"threads", validation->threads},
                        {"points", validation->points},
+                       {"records_points", validation->records_points},
+                       {"waiting_points", validation->waiting_points},
                        {"throughput_error", validation->throughput_error},
                        {"records_error", validation->records_error},
                        {"waiting_error", validation->waiting_error},
+                       {"file_error", validation->file_error},
                        {"date", validation->date},
-                       {"of", validation->keys}};
+                       {"commit", validation->commit},
+                       {"errors", validation->errors}};
   }
   j["costs"] = Json::object();
   for (const auto& [key, c] : costs) j["costs"][key] = c.to_json();
@@ -160,6 +166,8 @@ std::string default_calibration_path() {
 std::optional<Calibration> read_calibration(const std::string& path) {
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return std::nullopt;
+  if (std::filesystem::is_directory(path, none))
+    throw std::runtime_error(fmt::format("calibration '{}' is a folder; name a file by --calibration", path));
   std::ifstream in(path);
   try {
     const Json j = Json::parse(in, nullptr, false);
@@ -171,7 +179,7 @@ std::optional<Calibration> read_calibration(const std::string& path) {
   }
 }
 
-void write_calibration(const Calibration& calibration, const std::string& path) {
+void make_folder_of(const std::string& path) {
   std::error_code error;
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
@@ -179,6 +187,10 @@ void write_calibration(const Calibration& calibration, const std::string& path) 
     throw std::runtime_error(fmt::format(
         "calibration '{}': its folder cannot be made ({}); give --calibration", path, error.message()));
   }
+}
+
+void write_calibration(const Calibration& calibration, const std::string& path) {
+  make_folder_of(path);
   const std::string text = calibration.to_json().dump(1) + "\n";
   replace_file(path, [&](const Descriptor& out) { write_all(out, text, path); });
 }

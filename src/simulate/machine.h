@@ -28,6 +28,12 @@ enum class Distance : std::uint8_t { complex, socket, machine };
 /// that crossing sockets decides how locks scale.
 struct Transfers {
   std::array<double, 3> ns{23.0, 107.0, 197.0};  ///< by Distance
+
+  /// With what is within a complex as measured. Where that is more than what is farther (a virtual machine's two cores
+  /// may lie in two complexes), it is taken for those, too: nothing near costs more than what is far.
+  Transfers with_near(double measured_ns) const noexcept {
+    return {{measured_ns, std::max(measured_ns, ns[1]), std::max(measured_ns, ns[2])}};
+  }
 };
 
 /// What computing takes, over what it takes undisturbed (harness/calibrated_work.h): processors slow down when all of

@@ -119,18 +119,36 @@ std::string Simulation::key(const SimulationPoint& point) const {
   return key_of(point.cache->traits.name, workload_keys_[point.workload]);
 }
 
+std::string Simulation::validated_as(const SimulationPoint& point) const {
+  const WorkloadSpec& spec = request_.workloads[point.workload];
+  if (spec.kind == WorkloadKind::miss_driven)
+    return fmt::format("{} at {} us a record", key(point), spec.cost_us);
+  if (spec.kind == WorkloadKind::trace) return fmt::format("{} at {} times its cost", key(point), spec.scale);
+  return key(point);
+}
+
+bool Simulation::is_of_this_machine() const noexcept {
+  return calibration_.host_name == request_.host_name && calibration_.cpu_model == request_.cpu_model;
+}
+
+const Validation* Simulation::validation_for(const SimulationPoint& point) const {
+  const auto& known = calibration_.validation;
+  const bool applies = known && known->holds() && known->commit == request_.commit && !request_.transfers &&
+                       !request_.hand_over && known->errors.contains(validated_as(point));
+  return applies ? &*known : nullptr;
+}
+
 void Simulation::complete_calibration(const std::function<void(const std::string&)>& tell) {
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) {
     for (const std::string& name : request_.caches) {
       const SimulationPoint point{w, &find_cache(name), 1};
       if (calibration_.costs.contains(key(point))) continue;
       const std::string& workload = request_.workloads[w].name;
-      if (calibration_.host_name != request_.host_name) {
-        throw std::runtime_error(
-            fmt::format("calibration '{}' is of machine '{}' and has no costs of {} under '{}'; measure them "
-                        "there, or give "
-                        "--recalibrate",
-                        request_.calibration_path, calibration_.host_name, name, workload));
+      if (!is_of_this_machine()) {
+        throw std::runtime_error(fmt::format(
+            "calibration '{}' is of machine '{}' ({}) and has no costs of {} under '{}'; measure "
+            "them there, or give --recalibrate",
+            request_.calibration_path, calibration_.host_name, calibration_.cpu_model, name, workload));
       }
       tell(fmt::format("{}, {}", workload, name));
       Teams& t = teams();
@@ -181,8 +199,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   const auto cache = mechanism.node_locks == Mechanism::NodeLocks::none
                          ? point.cache->stepped(config)
                          : make_logged_node_locks(point.cache->traits, config);
-  const SimulatedOutcome o =
-      simulate(*program, *cache, {machine, waits, moment.costs, mechanism, seed});
+  const SimulatedOutcome o = simulate(*program, *cache, {machine, waits, moment.costs, mechanism, seed});
 
   Entry entry;
   entry.name = name_of(point);
@@ -194,9 +211,9 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
   auto& c = entry.counters;
   c["simulated"] = true;
-  const bool is_validated = calibration_.validation && calibration_.validation->holds_for(key(point)) &&
-                            !request_.hand_over.has_value();
-  c["validated_to_threads"] = is_validated ? calibration_.validation->threads : 0;
+  const Validation* const validation = validation_for(point);
+  c["validated_to_threads"] = validation != nullptr ? validation->threads : 0;
+  if (validation != nullptr) c["validated_error"] = validation->errors.at(validated_as(point));
   c["calibration"] = request_.calibration_path;
   c["cache"] = point.cache->traits.name;
   c["workload"] = spec.name;

@@ -27,11 +27,12 @@ struct SimulationRequest {
   std::vector<std::string> caches;
   std::vector<unsigned> cores;
   MachineModel machine{};  ///< all but cores and transfers, which a point and the calibration give
-  std::optional<Transfers> transfers{};  ///< instead of the calibration's
-  std::optional<HandOver> hand_over{};   ///< likewise; what is simulated with it was not validated
+  std::optional<Transfers> transfers{};  ///< instead of the calibration's; what is simulated so was not validated
+  std::optional<HandOver> hand_over{};   ///< likewise
   std::uint64_t seed = 1;
   std::string calibration_path;  ///< empty: kept nowhere
-  std::string host_name;         ///< of this machine
+  std::string host_name, cpu_model;  ///< of this machine
+  std::string commit;                ///< of this program
 };
 
 struct SimulationPoint {
@@ -64,6 +65,11 @@ class Simulation {
   /// "simulate/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SimulationPoint& point) const;
 
+  /// Whether the calibration's costs are of this machine, as far as names tell.
+  bool is_of_this_machine() const noexcept;
+  /// What a validation knows a point by, whatever its cores.
+  std::string validated_as(const SimulationPoint& point) const;
+
   /// Costs that the calibration lacks are measured first, and the file is written; `tell` is told of what. Throws
   /// std::runtime_error if the calibration is another machine's.
   void complete_calibration(const std::function<void(const std::string& what)>& tell);
@@ -87,6 +93,8 @@ class Simulation {
   CalibratedPlan plan_without_work(std::size_t workload);
   Teams& teams();
   std::string key(const SimulationPoint& point) const;
+  /// Null if figures like the point's were not found near measured ones, by this build, at the costs that are used.
+  const Validation* validation_for(const SimulationPoint& point) const;
 
   SimulationRequest request_;
   const Topology& topology_;

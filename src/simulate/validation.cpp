@@ -22,6 +22,13 @@ double mean(std::span<const double> v) {
   return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
 }
 
+double throughput_off_by(const Rounds& simulated, const Rounds& measured) {
+  std::vector<double> ratios;
+  for (std::size_t i = 0; i < simulated.throughput.size(); ++i)
+    ratios.push_back(simulated.throughput[i] / measured.throughput[i]);
+  return ratios.empty() ? 0.0 : std::abs(median(ratios) - 1.0);
+}
+
 }  // namespace
 
 void Rounds::add(const Entry& e) {
@@ -33,12 +40,9 @@ void Rounds::add(const Entry& e) {
 
 double Rounds::redundant_mean() const { return mean(redundant); }
 
-double ComparedPoint::throughput_error() const {
-  std::vector<double> ratios;
-  for (std::size_t i = 0; i < measured.throughput.size(); ++i)
-    ratios.push_back(simulated.throughput[i] / measured.throughput[i]);
-  return std::abs(median(ratios) - 1.0);
-}
+double ComparedPoint::throughput_error() const { return throughput_off_by(simulated, measured); }
+
+double ComparedPoint::file_error() const { return throughput_off_by(by_file, measured); }
 
 double ComparedPoint::redundant_error() const {
   return std::abs(simulated.redundant_mean() - measured.redundant_mean()) /
@@ -66,11 +70,11 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
                                              unsigned rounds, bool is_warm,
                                              const std::function<void(const std::string&)>& tell) {
   const SimulationRequest& r = simulation.request();
-  if (const std::string& host = simulation.calibration().host_name; host != r.host_name) {
-    throw std::runtime_error(
-        fmt::format("calibration '{}' is of machine '{}', which this is not; validate it there, "
-                    "or give --recalibrate",
-                    r.calibration_path, host));
+  if (!simulation.is_of_this_machine()) {
+    throw std::runtime_error(fmt::format(
+        "calibration '{}' is of machine '{}' ({}), which this is not; validate it there, "
+        "or give --recalibrate",
+        r.calibration_path, simulation.calibration().host_name, simulation.calibration().cpu_model));
   }
   SweepRequest real;
   real.workloads = r.workloads;
@@ -98,6 +102,7 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
           const Entry simulated = simulation.run(point, i, moment);
           if (i == 1) compared.entry = simulated;
           compared.simulated.add(simulated);
+          if (point.cores != 1) compared.by_file.add(simulation.run(point, i));
         }
         tell(name);
       }
@@ -108,22 +113,27 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
 
 Validation validation_of(const Simulation& simulation, std::span<const ComparedPoint> points) {
   Validation out;
-  std::vector<double> throughput, redundant, waiting;
+  std::vector<double> throughput, by_file, redundant, waiting;
   for (const ComparedPoint& c : points) {
-    const WorkloadSpec& workload = simulation.request().workloads[c.point.workload];
     out.threads = std::max(out.threads, c.point.cores);
-    out.keys.insert(key_of(c.point.cache->traits.name, workload_key(workload)));
     if (c.point.cores == 1) continue;
+    out.errors[simulation.validated_as(c.point)] =
+        c.throughput_error();  // of the most threads, which come last
     throughput.push_back(c.throughput_error());
+    by_file.push_back(c.file_error());
     if (c.entry.counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
     if (c.entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
   }
   const auto or_none = [](const std::vector<double>& v) { return v.empty() ? 0.0 : median(v); };
   out.points = static_cast<unsigned>(throughput.size());
+  out.records_points = static_cast<unsigned>(redundant.size());
+  out.waiting_points = static_cast<unsigned>(waiting.size());
+  out.file_error = or_none(by_file);
   out.throughput_error = or_none(throughput);
   out.records_error = or_none(redundant);
   out.waiting_error = or_none(waiting);
   out.date = date_now();
+  out.commit = simulation.request().commit;
   return out;
 }
 
@@ -137,6 +147,7 @@ Entry row_of(const ComparedPoint& compared, const Validation& outcome) {
   c["measured_redundant_records"] = compared.measured.redundant_mean();
   c["measured_lock_wait_share"] = median(compared.measured.waiting);
   c["error_items_per_second"] = compared.throughput_error();
+  if (!compared.by_file.throughput.empty()) c["error_items_per_second_by_file"] = compared.file_error();
   c["error_redundant_records"] = compared.redundant_error();
   c["error_lock_wait_share"] = compared.waiting_error();
   return row;

@@ -37,9 +37,12 @@ struct ComparedPoint {
   SimulationPoint point;
   Entry entry{};  ///< the first round's simulated one
   Rounds measured{}, simulated{};
+  Rounds by_file{};  ///< simulated by the calibration file's own costs; of more than one thread
 
   /// Of the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
   double throughput_error() const;
+  /// The same by the calibration file's own costs.
+  double file_error() const;
   /// Of means, over the measured one or 1 % of the records if that is more.
   double redundant_error() const;
   /// Of medians, over the measured one or 1 % of the time if that is more.
