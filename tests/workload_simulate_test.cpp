@@ -357,6 +357,9 @@ TEST(Simulator, SocketsAndComplexesAreApart) {
   EXPECT_EQ(m.transfer_ns(0, 7), 1.0);
   EXPECT_EQ(m.transfer_ns(7, 8), 2.0);
   EXPECT_EQ(m.transfer_ns(63, 64), 3.0);
+  // What is far costs no less than what is near.
+  EXPECT_EQ(Transfers().with_near(20.0).ns, (std::array{20.0, 107.0, 197.0}));
+  EXPECT_EQ(Transfers().with_near(130.0).ns, (std::array{130.0, 130.0, 197.0}));
 }
 
 TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {

@@ -123,7 +123,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
       "waiting for locks {:.1f} % ({})",
       outcome.threads, 100.0 * outcome.throughput_error, outcome.points, 100.0 * outcome.records_error,
       outcome.records_points, 100.0 * outcome.waiting_error, outcome.waiting_points);
-  fmt::print("{}\nby the calibration file's costs instead of those of the moment: throughput {:.1f} %\n",
+  fmt::print("{}\nby the costs that are kept, the middle of those of the moments: throughput {:.1f} %\n",
              line, 100.0 * outcome.file_error);
   simulation.calibration().validation = outcome;
   write_calibration(simulation.calibration(), simulation.request().calibration_path);

@@ -32,7 +32,7 @@ struct Validation {
       0;  ///< of redundant records, over the measured ones or 1 % of the records if that is more
   double waiting_error =
       0;  ///< of waiting for locks, over the measured one or 1 % of the time if that is more
-  /// Of throughput, by the costs in the calibration file instead of those of the moment.
+  /// Of throughput, by the costs that the calibration has since, the middle of those of the moments.
   double file_error = 0;
   std::string date, commit;  ///< the build that was validated
   /// Off by how much throughput was with most threads, by Simulation::validated_as: nothing is said of other caches,

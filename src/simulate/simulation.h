@@ -65,6 +65,8 @@ class Simulation {
   /// "simulate/WORKLOAD/CACHE/threads:N".
   std::string name_of(const SimulationPoint& point) const;
 
+  /// What the calibration knows the costs of a point's cache and workload by.
+  std::string key(const SimulationPoint& point) const;
   /// Whether the calibration's costs are of this machine, as far as names tell.
   bool is_of_this_machine() const noexcept;
   /// What a validation knows a point by, whatever its cores.
@@ -92,7 +94,6 @@ class Simulation {
   /// Without work; of `plan` as far as it has none.
   CalibratedPlan plan_without_work(std::size_t workload);
   Teams& teams();
-  std::string key(const SimulationPoint& point) const;
   /// Null if figures like the point's were not found near measured ones, by this build, at the costs that are used.
   const Validation* validation_for(const SimulationPoint& point) const;
 

@@ -22,6 +22,42 @@ double mean(std::span<const double> v) {
   return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
 }
 
+/// Of moments, those in the middle: of each cache and workload by what a trial on one thread takes, of the machine by
+/// what a line takes.
+class UsualMoment {
+ public:
+  void add(const std::string& key, const Moment& moment) {
+    costs_[key].push_back(moment);
+    machine_.push_back(moment);
+  }
+  void put_into(Calibration& out) {
+    if (machine_.empty()) return;
+    const Moment& usual = middle(machine_, [](const Moment& m) { return m.transfers.ns[0]; });
+    out.transfers = usual.transfers;
+    out.waits = usual.waits;
+    out.pace = usual.pace;
+    for (auto& [key, moments] : costs_) {
+      const Moment& one = middle(moments, [](const Moment& m) { return m.costs.trial_ns; });
+      out.costs[key] = one.costs;
+      // First sights go with transfers.
+      if (one.transfers.ns[0] > 0.0)
+        out.costs[key].operations.fresh_ns *= usual.transfers.ns[0] / one.transfers.ns[0];
+    }
+  }
+
+ private:
+  template <class F>
+  static const Moment& middle(std::vector<Moment>& moments, F&& of) {
+    const auto at = moments.begin() + static_cast<std::ptrdiff_t>((moments.size() - 1) / 2);
+    std::nth_element(moments.begin(), at, moments.end(),
+                     [&](const Moment& a, const Moment& b) { return of(a) < of(b); });
+    return *at;
+  }
+
+  std::map<std::string, std::vector<Moment>> costs_;
+  std::vector<Moment> machine_;
+};
+
 double throughput_off_by(const Rounds& simulated, const Rounds& measured) {
   std::vector<double> ratios;
   for (std::size_t i = 0; i < simulated.throughput.size(); ++i)
@@ -89,6 +125,7 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
     index[simulation.name_of(point)] = all.size();
     all.push_back({point});
   }
+  UsualMoment usual;
   for (std::size_t w = 0; w < r.workloads.size(); ++w) {
     for (unsigned i = is_warm ? 1 : 0; i <= rounds; ++i) {
       for (const SweepPoint& p : sweep.points(w, i)) {
@@ -97,16 +134,21 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
         const Moment moment = simulation.measured_now(point, i);
         const Entry measured = sweep.run(p, i);
         if (i != 0) {
+          usual.add(simulation.key(point), moment);
           ComparedPoint& compared = all[index.at(name)];
           compared.measured.add(measured);
           const Entry simulated = simulation.run(point, i, moment);
           if (i == 1) compared.entry = simulated;
           compared.simulated.add(simulated);
-          if (point.cores != 1) compared.by_file.add(simulation.run(point, i));
         }
         tell(name);
       }
     }
+  }
+  usual.put_into(simulation.calibration());
+  for (ComparedPoint& compared : all) {
+    for (unsigned i = 1; i <= rounds && compared.point.cores != 1; ++i)
+      compared.by_file.add(simulation.run(compared.point, i));
   }
   return all;
 }

@@ -3,7 +3,8 @@
 // In rounds. Each takes, of every point, the costs as they are now (two trials on one thread, two threads that wait for
 // each other and that compute), a real trial, and a simulated one of the same operations at those costs. So what is
 // judged is the model: a machine that has become slower since its calibration, as virtual ones do from minute to
-// minute, is no error of it.
+// minute, is no error of it. What is simulated later has the calibration's costs, which are then those of the moments
+// in the middle; how far off these make it is told beside.
 #pragma once
 
 #include <functional>
@@ -37,11 +38,11 @@ struct ComparedPoint {
   SimulationPoint point;
   Entry entry{};  ///< the first round's simulated one
   Rounds measured{}, simulated{};
-  Rounds by_file{};  ///< simulated by the calibration file's own costs; of more than one thread
+  Rounds by_file{};  ///< simulated by the costs that the calibration takes on; of more than one thread
 
   /// Of the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
   double throughput_error() const;
-  /// The same by the calibration file's own costs.
+  /// The same by the calibration's costs.
   double file_error() const;
   /// Of means, over the measured one or 1 % of the records if that is more.
   double redundant_error() const;
@@ -54,7 +55,7 @@ struct ComparedPoint {
 std::vector<unsigned> validated_cores(const Topology& topology);
 
 /// Every point of the simulation in that many rounds and, unless it was just run, a first one that is cold and does not
-/// count; `tell` is told of each trial.
+/// count; `tell` is told of each trial. The simulation's calibration takes on the costs of the moments in the middle.
 /// Throws std::runtime_error if the calibration is another machine's, InvalidTrial if a cache broke its contract.
 std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
                                              unsigned rounds, bool is_warm,
