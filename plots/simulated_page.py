@@ -35,6 +35,8 @@ def _validated(one: Simulated) -> str:
     validation = one.calibration.get("validation")
     if isinstance(validation, dict) and isinstance(validation.get("throughput_error"), (int, float)):
         said += f", where throughput was off by {style.number(100 * validation['throughput_error'])} % in the median"
+        if isinstance(validation.get("file_error"), (int, float)):
+            said += f" ({style.number(100 * validation['file_error'])} % by the costs that these figures have)"
     return said
 
 

@@ -3,6 +3,7 @@
 
 import itertools
 import json
+import os
 import unittest
 
 from cli_support import Case, arguments_of, small_capture, small_render, small_sweep
@@ -246,6 +247,27 @@ class Simulate(Case):
         self.refuse(*arguments_of("simulate", given | dict(caches="packed_wait_free", calibration="deep/costs.json",
                                                            out="out.json"), {}),
                     says=["deep/costs.json", "(another)", "--recalibrate"])
+
+    @unittest.skipIf(len(os.sched_getaffinity(0)) < 2, "needs two processing units")
+    def test_a_validation_tells_how_far_off_and_leaves_its_costs(self):
+        given = dict(caches="packed_global_mutex", workloads="miss_driven:cost=1:operations=2000", out="out.json",
+                     calibration="costs.json")
+        self.succeed(*arguments_of("simulate", given | dict(cores="1"), {}))
+        before = self.load("costs.json")
+        self.assertNotIn("validation", before)
+        done = self.run_icbench(*arguments_of("simulate", given | dict(repetitions=2), {}), "--validate")
+        self.assertIn(done.returncode, (0, 1), done.stderr)  # how far off it is, is not ours to say
+        after, rows = self.load("costs.json"), self.load("out.json")["benchmarks"]
+        key, = after["costs"]
+        self.assertNotEqual(after["costs"][key]["trial_ns"], before["costs"][key]["trial_ns"])
+        validation = after["validation"]
+        self.assertEqual((validation["commit"], list(validation["errors"])),
+                         (after["commit"], [f"{key} at 1 us a record"]))
+        for row in rows:
+            with self.subTest(row["name"]):
+                self.assertEqual("error_items_per_second_by_file" in row, row["threads"] > 1)
+        self.assertEqual(validation["errors"][f"{key} at 1 us a record"], rows[-1]["error_items_per_second"])
+        self.assertEqual(validation["points"], validation["records_points"])
 
     def test_handing_over_a_lock_takes_as_long_as_one_says(self):
         rows = []

@@ -147,10 +147,10 @@ PerfOffer perf_offer(std::span<const PerfEvent> events, PerfOpen how) {
     if (!offer.note.empty()) offer.note += "; ";
     offer.note += fmt::format("{}: {}", event.name, why);
   }
-  constexpr std::string_view kTransfers = "line_transfers";
-  if (std::none_of(events.begin(), events.end(), [](const PerfEvent& e) { return e.name == kTransfers; })) {
+  if (std::none_of(events.begin(), events.end(),
+                   [](const PerfEvent& e) { return e.name == "line_transfers"; })) {
     if (!offer.note.empty()) offer.note += "; ";
-    offer.note += fmt::format("{}: no documented event of this processor is known here", kTransfers);
+    offer.note += "line_transfers: no documented event of this processor is known here";
   }
   if (offer.names.empty() && !offer.note.empty())
     offer.note = fmt::format("no hardware counters: {}", offer.note);
