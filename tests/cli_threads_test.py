@@ -242,7 +242,8 @@ class Simulate(Case):
         self.assertEqual(validated(transfer="1,2,3"), (0, None))
         self.assertEqual(validated(**{"hand-over": "1,2"}), (0, None))
         self.assertEqual(validated({"validation": costs["validation"] | {"commit": "another"}}), (0, None))
-        self.assertEqual(validated({"validation": costs["validation"] | {"waiting_error": 0.2}}), (0, None))
+        for error in ("throughput_error", "records_error", "waiting_error", "file_error"):
+            self.assertEqual(validated({"validation": costs["validation"] | {error: 0.11}}), (0, None), error)
         self.assertEqual(validated({"cpu_model": "another"}), (2, 0.25))  # costs from elsewhere, validated there
         self.refuse(*arguments_of("simulate", given | dict(caches="packed_wait_free", calibration="deep/costs.json",
                                                            out="out.json"), {}),

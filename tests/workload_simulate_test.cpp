@@ -386,7 +386,7 @@ TEST(SimulatorValidation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
     compared.entry.counters["validated_to_threads"] = before;
     Validation outcome{.threads = 8, .points = 60, .throughput_error = 0.05, .waiting_error = 0.09};
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 8u) << before;
-    outcome.waiting_error = 0.5;
+    outcome.file_error = 0.5;
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 0u) << before;
   }
   EXPECT_EQ(row_of(compared, {}).items_per_second, 3e6);
@@ -410,7 +410,7 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
                             .waiting_points = 40,
                             .throughput_error = 0.05,
                             .waiting_error = 0.09,
-                            .file_error = 0.2,
+                            .file_error = 0.08,
                             .date = "today",
                             .commit = "a build",
                             .errors = {{"a cache under a workload", 0.07}}};

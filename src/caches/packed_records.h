@@ -1,10 +1,12 @@
 // The records of a packed octree (caches/packed_octree.h): each once, beside its mark, in a table; and the places that
 // dropped ones left, which later inserts take first.
 //
-// A record is 44 bytes and its mark. Publication is by the mark: P1, P4 and P5 of caches/visibility.h. The places that
-// are left change at rest only; sessions take batches of them, as of an arena.
+// Publication is by the mark: P1, P4 and P5 of caches/visibility.h.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <atomic>
 #include <mutex>
 #include <new>
 #include <utility>

@@ -2,9 +2,9 @@
 // down one path from the root, taking up the cells on it; over their lanes, by vectors; and to the records of those that
 // are kept, which are tested exactly.
 //
-// Nothing is waited for that could have been asked for before: the words of all levels of the grid are computed, cells and
-// strips asked for as soon as their words are known, and of a batch all queries are at one stage, so that one's waiting is
-// the others' time.
+// A query waits for memory as little as it can: cells and strips are asked for as soon as the words that lead to them are
+// known, before anything in them is needed. Queries of a batch are all at one stage, so that one's waiting is the others'
+// time.
 //
 // Publication pairs: those of caches/packed_cells.h (P2), slot_list.h (P3) and visibility.h (P1, P4, P5), and P6 of
 // caches/packed_octree.h.
@@ -15,6 +15,7 @@
 // without snapshots the mark of the first record up to eight times. A cell counts as two lists, its lanes and the rest.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <span>

@@ -129,7 +129,9 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   write_calibration(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
   if (!outcome.holds())
-    throw CheckFailed(fmt::format("{}; at most {:.0f} % was to be reached", line, 100.0 * Validation::kBar));
+    throw CheckFailed(
+        fmt::format("{}, by the costs that are kept {:.1f} %; at most {:.0f} % was to be reached", line,
+                    100.0 * outcome.file_error, 100.0 * Validation::kBar));
 }
 
 void simulate_command(const SimulateOptions& o) {

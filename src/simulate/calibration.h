@@ -34,12 +34,12 @@ struct Validation {
       0;  ///< of waiting for locks, over the measured one or 1 % of the time if that is more
   /// Of throughput, by the costs that the calibration has since, the middle of those of the moments.
   double file_error = 0;
-  std::string date, commit;  ///< the build that was validated
+  std::string date = {}, commit = {};  ///< the build that was validated
   /// Off by how much throughput was with most threads, by Simulation::validated_as: nothing is said of other caches,
   /// workloads and costs of records.
   std::map<std::string, double> errors = {};
 
-  /// Whether the medians are at most kBar.
+  /// Whether the medians are at most kBar, that by the calibration's costs, which figures have, among them.
   bool holds() const noexcept;
   static constexpr double kBar = 0.10;
 };

@@ -114,7 +114,8 @@ Calibration parse(const Json& j) {
 }  // namespace
 
 bool Validation::holds() const noexcept {
-  return points != 0 && throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar;
+  return points != 0 && throughput_error <= kBar && records_error <= kBar && waiting_error <= kBar &&
+         file_error <= kBar;
 }
 
 nlohmann::ordered_json Calibration::to_json() const {

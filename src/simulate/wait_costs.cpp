@@ -191,13 +191,13 @@ void measure_calls_in_vain(ThreadTeam& two, const TickRate& rate, double transfe
 /// A thread takes a place in the queue of a lock that another one holds, who gives it back after ever longer delays.
 /// As Locked does it: tried in vain, then the clock is read before and after.
 void measure_queue(ThreadTeam& two, const TickRate& rate, double transfer_ns, WaitCosts& out) {
-  constexpr std::size_t kWaits = QueueHandOver::kWaits, kEach = 11;
-  constexpr double kAheadNs =
-      1'500.0;  // until the holder is where it gives the lock back, and the other one waits
+  constexpr std::size_t kLengths = QueueHandOver::kWaits, kEach = 11;
+  // Until both are where they are to be: the holder about to give the lock back, the other one about to come.
+  constexpr double kAheadNs = 1'500.0;
   struct Turn {
     std::uint64_t came = 0, has = 0, gives = 0, gave = 0;
   };
-  std::vector<Turn> turns(kWaits * kEach);
+  std::vector<Turn> turns(kLengths * kEach);
   struct alignas(kNoSharing) {
     QueuingMutex::Mutex mutex;
   } lock;
@@ -213,7 +213,7 @@ void measure_queue(ThreadTeam& two, const TickRate& rate, double transfer_ns, Wa
                     std::memory_order_relaxed);
         held.store(turn, std::memory_order_release);  // with the begin
         // Turns of all lengths mixed: what lasts some turns does not lie on one length alone.
-        const double delay = QueueHandOver::kStepNs * static_cast<double>(i * 29 % (kWaits + 6));
+        const double delay = QueueHandOver::kStepNs * static_cast<double>(i * 29 % (kLengths + 6));
         wait_until(begin.load(std::memory_order_relaxed) +
                    static_cast<std::uint64_t>(delay / rate.ns_per_tick));
         turns[i].gives = ticks();
@@ -229,8 +229,7 @@ void measure_queue(ThreadTeam& two, const TickRate& rate, double transfer_ns, Wa
           const auto start = Clock::now();
           turns[i].came = ticks();
           place.acquire(lock.mutex);
-          const auto waited = Clock::now() - start;
-          asm volatile("" ::"r"(&waited) : "memory");
+          [[maybe_unused]] const auto waited = Clock::now() - start;
           turns[i].has = ticks();
         }
         place.release();
@@ -239,22 +238,20 @@ void measure_queue(ThreadTeam& two, const TickRate& rate, double transfer_ns, Wa
     }
   });
   // One stamp is in each difference; and the clock is read by who has the lock.
-  const double stamp_ns = time_of(100, 50, [] {
-    const std::uint64_t now = ticks();
-    asm volatile("" ::"r"(now));
-  });
-  std::array<std::vector<double>, kWaits> by_wait;
+  const double stamp_ns = time_of(100, 50, [] { ticks(); });
+  std::array<std::vector<double>, kLengths> by_wait;
   std::vector<double> leaving;
   for (const Turn& turn : turns) {
     if (turn.came == 0 || turn.gives < turn.came || turn.has < turn.gives) continue;
     leaving.push_back(rate.to_ns(turn.gave - turn.gives));
     const double place = rate.to_ns(turn.gives - turn.came) / QueueHandOver::kStepNs;
-    if (place < static_cast<double>(kWaits))
+    if (place < static_cast<double>(kLengths))
       by_wait[static_cast<std::size_t>(place)].push_back(rate.to_ns(turn.has - turn.gives));
   }
   QueueHandOver measured = QueueHandOver::reckoned(out.pause_ns, out.yield_ns, transfer_ns);
-  for (std::size_t i = 0; i < kWaits; ++i) {
-    if (by_wait[i].size() >= 3) measured.ns[i] = std::max(0.0, median(by_wait[i]) - stamp_ns - out.clock_ns);
+  for (std::size_t i = 0; i < kLengths; ++i) {
+    if (by_wait[i].size() >= kEach / 2)  // fewer came so late by chance: what is reckoned stays
+      measured.ns[i] = std::max(0.0, median(by_wait[i]) - stamp_ns - out.clock_ns);
   }
   if (!leaving.empty()) measured.leave_ns = std::max(0.0, median(leaving) - stamp_ns);
   out.queue = measured;
