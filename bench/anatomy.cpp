@@ -6,7 +6,7 @@
 //   replicated        copies of whole records in all cells that they reach, so that a query looks along one path
 //   packed_scalar     packed_wait_free without vectors: copies of 8 bytes, whole records for what they leave
 //   packed_wait_free  with vectors
-//   packed_batch      the same, 8 queries under way at once
+//   packed_batch      the same, 16 queries under way at once
 //   packed_frozen     what is left when nothing can change any more
 //   told              what is left when the valid records are known beforehand
 //

@@ -19,7 +19,7 @@ kParts = {
     "packed_scalar": ("packed, no vectors", "cells hold 8 bytes of a record; the whole one is read only if these "
                       "leave it in question"),
     "packed_wait_free": ("packed", "the same with vectors: packed_wait_free as it ships"),
-    "packed_batch": ("packed, in batches", "8 queries under way at once: while one waits for memory, others go on"),
+    "packed_batch": ("packed, in batches", "16 queries under way at once: while one waits for memory, others go on"),
     "packed_frozen": ("frozen", "what is left when nothing can change any more"),
     "told": ("told", "what is left when the valid records are known beforehand: reading, weighing and adding them"),
 }

@@ -81,13 +81,19 @@ def vpl_numbers(measured: Measured) -> Grid:
     return grid
 
 
+def _sparse(measured: Measured) -> str:
+    """Which frames IGI rendered, if not all."""
+    every = measured.data["settings"].get("igi_every", 1)
+    return "" if every == 1 else f" IGI, in both forms, rendered the first of every {every} frames and the last."
+
+
 def whole_frames(measured: Measured) -> Grid:
     low, high = measured.data["thesis"]["whole_frames"]
     grid = Grid(
         "whole_frames", "Whole frames per second (Table 6.3 in kind)",
         "Primary rays, direct and indirect light; medians over rounds [interval]. Of the thesis's table the "
         "range of TIC / "
-        "IGI over its scenes is known.", [
+        f"IGI over its scenes is known.{_sparse(measured)}", [
             "scene", "VPLs", *(measured.title(m)
                                for m in kTimed), "TIC / IGI", "TIC / IGI interleaved", "TIC / IC", "TIC / IGI"
         ], groups=[("", 2), ("frames per second", len(kTimed)), ("ours", 3), ("thesis", 1)])
@@ -108,7 +114,8 @@ def indirect_time(measured: Measured) -> Grid:
         "Means over all frames, medians over rounds [interval]; all methods gather by packets of shadow "
         "rays. Below the thesis's ratio: ours over it, which passes when the whole interval of ours reaches "
         "the "
-        "thesis's. \"later frames\" leaves out the first, in which TIC has nothing to reuse.", [
+        "thesis's. \"later frames\" leaves out the first, in which TIC has nothing to reuse."
+        f"{_sparse(measured)}", [
             "scene", "VPLs", "IGI", "interleaved", "IC", "TIC", "ours", "thesis", "later frames", "ours",
             "thesis", "later frames", "ours", "later frames"
         ], groups=[("", 2), ("seconds", 4), ("IGI / TIC", 3), ("IC / TIC", 3), ("interleaved / TIC", 2)])
@@ -189,7 +196,7 @@ def over_frames(measured: Measured) -> Grid:
     grid = Grid(
         "over_frames", "Error over all frames, against IGI with the same lights",
         "Means over the frames. Flicker: root mean square of the change from frame to frame of what "
-        "differs, W/(m² sr).",
+        f"differs, W/(m² sr).{_sparse(measured)}",
         ["scene", *("RMSE", "FLIP", "P > 75 %, %", "flicker") * len(methods)],
         groups=[("", 1), *((measured.title(m), len(keys)) for m in methods)])
     for scene in measured.animations.values():
@@ -269,7 +276,8 @@ def _share(figure: dict | None) -> Cell:
 def memory(measured: Measured) -> Grid:
     grid = Grid(
         "memory", "TIC's memory and the work it saves",
-        "Beside the cache's own memory TIC may take one bit for each record and VPL and 64 bytes a record. "
+        "Beside the cache's own memory, and gradients, which IC keeps as well, TIC may take one bit for each record "
+        "and VPL and 64 bytes a record. "
         "Of the records that a frame finds, those are kept that motion left valid, updated where "
         "visibilities were traced anew, and "
         "dropped on surfaces that moved. Sums over all frames but the first.", [

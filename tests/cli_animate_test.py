@@ -56,6 +56,22 @@ class Animate(Case):
             self.assertEqual(frame["records_kept"], first["records"])
             self.assertEqual((frame["records_updated"], frame["records_dropped"]), (0, 0))
 
+    def test_every_nth_frame_and_the_last(self):
+        whole, some = "all", "some"
+        self.succeed(*small_animation(frames=6, out=whole, format="exr", integrator="path", threads=2))
+        for every, frames in (2, [0, 2, 4, 5]), (5, [0, 5]), (9, [0, 5]), (1, [0, 1, 2, 3, 4, 5]):
+            with self.subTest(every=every):
+                out = f"{some}{every}"
+                self.succeed(*small_animation(frames=6, every=every, out=out, format="exr", integrator="path",
+                                              json="a.json"))
+                cost = self.load("a.json")
+                self.assertEqual([frame["frame"] for frame in cost["frames"]], frames)
+                self.assertEqual(cost["frame_count"], len(frames))
+                names = sorted(path.name for path in (self.folder / out).glob("frame_*"))
+                self.assertEqual(names, [f"frame_000{frame}.exr" for frame in frames])
+                for name in names:
+                    self.assertEqual((self.folder / out / name).read_bytes(), (self.folder / whole / name).read_bytes())
+
     def test_a_frame_by_itself_is_that_of_the_animation(self):
         self.succeed(*small_animation(format="exr", out="a", integrator="path", threads=2))
         self.succeed(*small_render(frame=0, spp=1, integrator="path", out="f.exr"))
@@ -74,7 +90,7 @@ class Animate(Case):
             self.assertTrue(frame.read_bytes().endswith(PNG_END), frame.name)
 
     def test_bad_input(self):
-        for option, values in {"--frames": ["0", "-1", "x"], "--format": ["gif", "", "PNG"],
+        for option, values in {"--frames": ["0", "-1", "x"], "--every": ["0", "x"], "--format": ["gif", "", "PNG"],
                                "--vpls": ["0", "-1", "65537"], "--integrator": ["TIC"],
                                "--size": ["0x0", "5"]}.items():
             for value in values:

@@ -68,7 +68,7 @@ def cost(o, frame):
         "seconds": OVERHEAD + indirect, "seconds_indirect": indirect, "rays": 1000, "shadow_rays": 500,
         "records": records, "records_kept": 900, "records_updated": 60, "records_dropped": 40,
         "light_paths": 64, "light_paths_retraced": 4,
-        "bytes_beside_cache": records * (int(o.get("vpls", 64)) // 8 + 48),
+        "bytes_beside_cache": records * (int(o.get("vpls", 64)) // 8 + 48 + 112), "bytes_of_details": records * 112,
         "lock_wait_share": 0.25 if o.get("cache") == "global_mutex" and threads > 1 else 0.0
     }
 
@@ -101,12 +101,13 @@ def picture(command, arguments):
         write(o["out"], data)
         result = cost(o, 0)
     else:
-        frames = [cost(o, f) for f in range(int(o["frames"]))]
+        last = int(o["frames"]) - 1
+        frames = [{"frame": f, **cost(o, f)} for f in [*range(0, last, int(o.get("every", 1))), last]]
         result = {**frames[-1], "frames": frames}
         if o["format"] == "exr":
             os.mkdir(o["out"])
-            for f in range(len(frames)):
-                write(os.path.join(o["out"], f"frame_{f:04}.exr"), data)
+            for f in frames:
+                write(os.path.join(o["out"], f"frame_{f['frame']:04}.exr"), data)
     return o.get("json"), {"scene": o["scene"], **result}
 
 

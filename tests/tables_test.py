@@ -182,7 +182,7 @@ class Options(unittest.TestCase):
                     ["--threads", "1,1"], ["--threads", "9000"], ["--threads", ""], ["--accuracy", "nan"],
                     ["--accuracy", "0"], ["--scenes", "a,,b"], ["--keep-frames", "exr"], ["--rounds", "0"],
                     ["--wrong"], ["--qui"], ["--reference-spp", "129"], ["--reference-spp", "0"], ["stray"],
-                    ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"]):
+                    ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"], ["--igi-every", "0"]):
             with self.subTest(bad), self.assertRaises(options.BadUsage) as caught:
                 options.parse(bad)
             self.assertNotIn("\n", str(caught.exception))
@@ -199,7 +199,7 @@ class Options(unittest.TestCase):
                               timeout=PATIENCE)
         self.assertEqual(done.returncode, 0)
         for option in ("--quick", "--resume", "--out", "--references", "--scenes", "--size", "--frames",
-                       "--rounds", "--threads", "--accuracy", "--seed", "--keep-frames", "--icbench",
+                       "--rounds", "--threads", "--accuracy", "--igi-every", "--seed", "--keep-frames", "--icbench",
                        "--no-install"):
             self.assertIn(option, done.stdout)
 
@@ -301,6 +301,22 @@ class WholeRun(Case):
         self.assertTrue((self.out / "animations" / "cornell_box" / "tic.webp").exists())
         self.assertFalse(list(self.out.glob("jobs/*/*/frames")), "frames are dropped when a scene is done")
         self.page()
+
+    def test_igi_of_a_few_frames_stands_for_all_and_says_so(self):
+        done = self.start("--scenes", "cornell_box,office", "--frames", "5", "--igi-every", "3", "--keep-frames", "png")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        box = self.tables()["scenes"]["cornell_box"]
+        series = box["time"]["indirect_per_frame"]
+        self.assertEqual([seconds is None for seconds in series["igi"]], [False, True, True, False, False])
+        self.assertNotIn(None, series["tic"])
+        self.assertAlmostEqual(box["time"]["methods"]["igi"]["seconds_indirect"]["median"], series["igi"][0])
+        self.assertIsNone(box["over_frames"]["tic"]["flicker"])
+        self.assertGreater(box["over_frames"]["tic"]["rmse"], 0)
+        for method, count in ("igi", 3), ("interleaved", 3), ("tic", 5):
+            frames = (self.out / "animations" / "cornell_box" / method).glob("frame_*.png")
+            self.assertEqual(len(list(frames)), count, method)
+        self.page()
+        self.assertIn("rendered the first of every 3 frames and the last", (self.out / "tables.md").read_text())
 
     def page(self):
         done = subprocess.run([sys.executable, ROOT / "plots" / "thesis_page.py", self.out / "tables.json"],

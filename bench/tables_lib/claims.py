@@ -239,6 +239,6 @@ def targets(scenes: dict) -> list[dict]:
         if scene["kind"] == "animation":
             rows.append(
                 _target(f"memory/{name}",
-                        f"{title}: TIC's bytes a record beside the cache's, over VPLs / 8 + 64", "at_most",
+                        f"{title}: TIC's bytes a record beside the cache's and gradients, over VPLs / 8 + 64", "at_most",
                         1.0, _path(scene, "memory", "share_of_allowed")))
     return rows

@@ -204,7 +204,7 @@ class Run:
 
     def _frames(self, plan: Plan, method: str, source: Path, exposure: float, made: dict) -> None:
         folder = self.settings.out / "animations" / self.store.place(plan.reference).parent.name
-        frames = [source / pictures.frame_name(f) for f in range(self.settings.scale.frames)]
+        frames = [source / pictures.frame_name(f) for f in self.planner.frames(method)]
         preview = folder / f"{method}.webp"
         if method in ("tic", "igi"):
             pictures.write_preview(frames, exposure, self.settings.scale.preview_side, preview)
@@ -223,7 +223,7 @@ class Run:
             "command_line": shlex.join(["bench/tables",
                                         *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
             "settings": {**s.scale.__dict__, "threads": s.threads,
-                         "accuracy": s.accuracy or "each scene's own", "seed": s.seed},
+                         "accuracy": s.accuracy or "each scene's own", "igi_every": s.igi_every, "seed": s.seed},
             "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
                 "whole_frames": kWholeFrameRange,
                 "indirect_times": {k: v.__dict__

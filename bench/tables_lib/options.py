@@ -62,6 +62,7 @@ class Settings:
     scenes: tuple[str, ...]  # asked for; empty: the thesis's
     threads: tuple[int, ...]  # on which mechanisms are compared
     accuracy: float | None  # of the caches, in every table; none: each scene's own
+    igi_every: int  # of an animation's frames IGI, in both forms, renders every so many, and the last
     seed: int
     resume: bool
     only_vpls: bool  # nothing but the choice of each scene's number of VPLs
@@ -147,6 +148,7 @@ def parse(arguments: list[str]) -> Settings:
     parser.add_argument("--rounds")
     parser.add_argument("--threads")
     parser.add_argument("--accuracy")
+    parser.add_argument("--igi-every", default="1")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--keep-frames", choices=["png"])
     parser.add_argument("--icbench", default=str(root / "build" / "release" / "bin" / "icbench"))
@@ -176,6 +178,7 @@ def parse(arguments: list[str]) -> Settings:
     return Settings(mode, scale, out, references,
                     tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
                     _accuracy(given.accuracy) if given.accuracy else None,
+                    _whole("--igi-every", given.igi_every, 1, 100000),
                     _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.choose_vpls,
                     given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
 

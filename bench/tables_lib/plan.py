@@ -25,6 +25,7 @@ kTitles = {
     "path": "path tracing", "lck": "LCK", "lw": "LW", "wf": "WF", "sequential": "sequential"
 }
 kCached = ("ic", "tic")
+kSparse = ("igi", "interleaved")  # whose frames have no work in common, so that a few tell the time of all
 kTableCache = "wait_free"
 # Chapter 7: three mechanisms on one structure, and that structure for one thread alone as the base.
 kMechanisms = {"lck": "global_mutex", "lw": "local_write", "wf": "wait_free"}
@@ -120,6 +121,12 @@ class Planner:
     def last(self, is_animation: bool) -> int:
         return self.scale.frames - 1 if is_animation else 0
 
+    def frames(self, method: str, count: int | None = None) -> list[int]:
+        """Which frames of an animation of `count` a method renders."""
+        last = (count or self.scale.frames) - 1
+        every = self.settings.igi_every if method in kSparse else 1
+        return [*range(0, last, every), last]
+
     def _guess(self, integrator: str, vpls: int, spp: int, frames: int) -> float:
         """Seconds, from rays at 20 million a second: the order of magnitude, until jobs of that kind have
         run.
@@ -151,14 +158,15 @@ class Planner:
                 cache: str = kTableCache, accuracy: float | None = None, threads: int = 0, keep: bool = False,
                 repetition: int = 0) -> Job:
         integrator = kIntegrators.get(method, method)
+        every = self.settings.igi_every if method in kSparse else 1
         arguments = [
             "animate", "--scene", scene, "--integrator", integrator, "--frames",
-            str(frames), "--size", self.size, "--spp", "1",
+            str(frames), *(["--every", str(every)] if every > 1 else []), "--size", self.size, "--spp", "1",
             *self._method(scene, integrator, vpls, cache, accuracy, threads, None), "--format",
             "exr" if keep else "none", "--out", "frames"
         ]
         return Job(scene, label, tuple(arguments), f"animate {integrator}",
-                   self._guess(integrator, vpls, 1, frames), ("frames", ) if keep else (),
+                   self._guess(integrator, vpls, 1, len(self.frames(method, frames))), ("frames", ) if keep else (),
                    repetition=repetition)
 
     def _method(self, scene: str, integrator: str, vpls: int, cache: str, accuracy: float | None, threads: int,
@@ -176,8 +184,7 @@ class Planner:
         """Two pictures ("a.exr", "b.exr") or two folders ("a/...", "b/...")."""
         names = [part[0].name.split("/")[0] for part in (a, b)]
         arguments = ["compare", *names, "--metrics", metrics, *(["--map", "maps"] if maps else [])]
-        images = max(len(a), self.scale.frames if a[0].path == "frames" else 1)
-        seconds = 0.05 + images * self.pixels * (8e-6 if "hdrvdp" in metrics else 2e-7)
+        seconds = 0.05 + len(a) * self.pixels * (8e-6 if "hdrvdp" in metrics else 2e-7)
         return Job(scene, label, tuple(arguments), f"compare {metrics}", seconds, ("maps", ) if maps else (),
                    (*a, *b))
 
@@ -277,9 +284,10 @@ class Planner:
                                                 maps=name in ("tic_path_clean", "tic_igi"), frame=last)
         if plan.is_animation:
             for method in ("tic", "ic", "interleaved"):
-                plan.over_frames[method] = self.compare(scene, f"all frames, {title(method)} against IGI",
-                                                        [Input("a", made["igi"], "frames")],
-                                                        [Input("b", made[method], "frames")], kPictureMetrics)
+                label = f"{'all frames' if self.settings.igi_every == 1 else 'IGI’s frames'}, {title(method)} against IGI"
+                a, b = ([Input(f"{name}/{pictures.frame_name(f)}", made[of], pictures.frame_path(f))
+                         for f in self.frames("igi")] for name, of in (("a", "igi"), ("b", method)))
+                plan.over_frames[method] = self.compare(scene, label, a, b, kPictureMetrics)
 
     def _equal_error(self, plan: Plan) -> None:
         """Error against time over VPLs and accuracy. Methods whose frames do not depend on one another render

@@ -79,7 +79,7 @@ def choose_vpls(store: Store, plan: Plan) -> tuple[int, bool] | None:
     return level_off(curve) if curve else None
 
 
-def _times(store: Store, plan: Plan, rounds: int) -> dict | None:
+def _times(store: Store, plan: Plan, rounds: int, frames: int) -> dict | None:
     if not plan.timing:
         return None
     results = {m: [store.result(plan.timing[m, r]) for r in range(rounds)] for m in kIntegrators}
@@ -88,8 +88,9 @@ def _times(store: Store, plan: Plan, rounds: int) -> dict | None:
     whole = {m: [_per_frame(r, "seconds") for r in rs] for m, rs in results.items()}
     series = {}
     for m, rs in results.items():
-        columns = list(zip(*([_get(f, "seconds_indirect") for f in _frames(r)] for r in rs if r)))
-        series[m] = [median(c) if None not in c else None for c in columns]
+        found = [{f.get("frame"): _get(f, "seconds_indirect") for f in _frames(r)} for r in rs if r]
+        columns = [[seconds.get(frame) for seconds in found] for frame in range(frames)]
+        series[m] = [median(c) if c and None not in c else None for c in columns]
     return {
         "methods": {
             m: {
@@ -189,15 +190,25 @@ def _mechanisms(store: Store, plan: Plan, settings: Settings) -> dict:
     return out
 
 
+def _over_frames(store: Store, plan: Plan, every: int) -> dict:
+    """Errors against IGI, of the frames that it rendered; flicker only if these are all, one after the other."""
+    found = {name: _errors(store, job) for name, job in plan.over_frames.items()}
+    return found if every == 1 else {name: e and e | {"flicker": None} for name, e in found.items()}
+
+
 def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
-    """TIC's memory beside the cache's, and the work that it saved after the first frame."""
+    """TIC's memory beside the cache's and beside gradients, which IC keeps as well; and the work that it saved after the
+    first frame.
+    """
     results = [r for r in (store.result(plan.timing["tic", n]) for n in range(rounds))
                if r] if plan.timing else []
     if not results:
         return None
     result = results[0]
     later = _frames(result)[1:]
-    records, extra = _get(result, "records"), _get(result, "bytes_beside_cache")
+    records, beside = _get(result, "records"), _get(result, "bytes_beside_cache")
+    details = _get(result, "bytes_of_details") or 0
+    extra = beside - details if beside is not None else None
     allowed = (_get(result, "vpls_in_use") or plan.vpls) / 8 + 64
     sums = {
         key: sum(_get(f, key) or 0 for f in later)
@@ -207,7 +218,7 @@ def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
     rivals = {m: store.result(plan.timing[m, 0]) for m in ("ic", "igi")}
     rays = {m: sum(_get(f, "shadow_rays") or 0 for f in _frames(r)[1:]) for m, r in rivals.items() if r}
     return {
-        "records": records, "bytes_beside_cache": extra, "vpls": plan.vpls,
+        "records": records, "bytes_beside_cache": beside, "bytes_of_details": details, "vpls": plan.vpls,
         "bytes_per_record": extra / records if records and extra is not None else None,
         "allowed_bytes_per_record": allowed,
         "share_of_allowed": exact(extra / records / allowed if records and extra is not None else None),
@@ -238,11 +249,10 @@ def scene_tables(store: Store, plan: Plan, settings: Settings, description: str)
         }, "accuracy": plan.accuracy, "reference": {
             "spp": settings.scale.reference_spp, "seconds": _mean_seconds(plan.halves, store),
             "halves": _errors(store, plan.reference_error)
-        }, "time": _times(store, plan, rounds),
+        }, "time": _times(store, plan, rounds, settings.scale.frames),
         "quality": {name: _errors(store, job)
                     for name, job in plan.quality.items()
-                    }, "over_frames": {name: _errors(store, job)
-                                       for name, job in plan.over_frames.items()},
+                    }, "over_frames": _over_frames(store, plan, settings.igi_every),
         "equal_error": _equal_error(store, plan), "mechanisms": _mechanisms(store, plan, settings),
         "memory": _memory(store, plan, rounds)
     }

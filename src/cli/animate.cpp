@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "cli/command.h"
 #include "cli/frame_options.h"
@@ -24,7 +25,7 @@ namespace fs = std::filesystem;
 
 struct AnimateOptions : FrameOptions {
   std::string out = "animation", format = "png";
-  std::uint32_t frames = 0;
+  std::uint32_t frames = 0, every = 1;
 };
 
 constexpr std::string_view kFormats[] = {"exr", "png", "none"};
@@ -54,6 +55,7 @@ void add(FrameCost& sum, const FrameCost& cost) {
   to.light_paths = from.light_paths;
   to.light_paths_retraced += from.light_paths_retraced;
   to.bytes_beside_cache = from.bytes_beside_cache;
+  to.bytes_of_details = from.bytes_of_details;
   to.vpls_in_use = from.vpls_in_use;
   to.lock_wait_ns += from.lock_wait_ns;
   sum.threads = cost.threads;
@@ -69,7 +71,11 @@ void animate_command(const AnimateOptions& o) {
   const std::uint32_t frames = o.frames != 0 ? o.frames : setup.rays().scene().frames;
   const IntegratorEntry& integrator = setup.request().integrator;
 
-  Progress progress("animate", frames * frame_work(setup.request()));
+  std::vector<std::uint32_t> rendered;
+  for (std::uint32_t frame = 0; frame < frames; frame += std::min(o.every, std::max(frames - 1 - frame, 1u)))
+    rendered.push_back(frame);
+
+  Progress progress("animate", static_cast<double>(rendered.size()) * frame_work(setup.request()));
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());
   std::optional<WebpAnimation> preview;
@@ -77,7 +83,7 @@ void animate_command(const AnimateOptions& o) {
 
   FrameCost total;
   nlohmann::ordered_json per_frame = nlohmann::ordered_json::array();
-  for (std::uint32_t frame = 0; frame < frames; ++frame) {
+  for (const std::uint32_t frame : rendered) {
     const FrameCost cost = renderer.render(frame);
     if (keeps) {
       write_image(fs::path(o.out) / fmt::format("frame_{:04}.{}", frame, o.format), renderer.picture(),
@@ -89,12 +95,12 @@ void animate_command(const AnimateOptions& o) {
   }
   if (keeps) preview->write(fs::path(o.out) / "preview.webp");
   nlohmann::ordered_json json = setup.asked();
-  json["frame_count"] = frames;
+  json["frame_count"] = rendered.size();
   add_cost(json, integrator, total);
   json["frames"] = std::move(per_frame);
   if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
   fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
-             keeps ? o.out : o.scene, frames, total.seconds, total.seconds_indirect);
+             keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
 }
 
 }  // namespace
@@ -105,6 +111,8 @@ void add_animate(CLI::App& app) {
   add_frame_options(animate, *o);
   add_whole(animate, "--frames", o->frames, 1u, 1u << 24, "Frames from 0 on (default: the scene's)")
       ->default_str("");
+  add_whole(animate, "--every", o->every, 1u, 1u << 24, "Of these every Nth, from the first on, and the last")
+      ->capture_default_str();
   animate
       ->add_option(
           "--format", o->format,

@@ -149,6 +149,7 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["records_updated"] = p.records_updated;
     j["records_dropped"] = p.records_dropped;
     j["bytes_beside_cache"] = p.bytes_beside_cache;
+    j["bytes_of_details"] = p.bytes_of_details;
     j["lock_wait_share"] =
         1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
     if (!integrator.uses_vpls) {

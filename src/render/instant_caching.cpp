@@ -61,7 +61,7 @@ void InstantCachingSource::settle(unsigned thread, const Record& record, InsertR
 void InstantCachingSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures.light_paths_retraced = vpls_.paths();
   figures.vpls_in_use = vpls_.count();
-  if (shapes_) figures.bytes_beside_cache = shapes_->details.bytes();
+  if (shapes_) figures.bytes_beside_cache = figures.bytes_of_details = shapes_->details.bytes();
 }
 
 std::unique_ptr<RecordSource> make_instant_caching(const PassSetup& setup) {

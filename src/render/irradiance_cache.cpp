@@ -87,7 +87,7 @@ void ShapedHemisphereSource::settle(unsigned thread, const Record& record, Inser
 }
 
 void ShapedHemisphereSource::report(PassFigures& figures) const noexcept {
-  figures.bytes_beside_cache = shapes_.details.bytes();
+  figures.bytes_beside_cache = figures.bytes_of_details = shapes_.details.bytes();
 }
 
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept {

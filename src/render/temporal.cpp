@@ -367,7 +367,8 @@ void TemporalSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures_.light_paths;
   figures.light_paths_retraced = figures_.light_paths_retraced;
   figures.vpls_in_use = vpls_.count();
-  figures.bytes_beside_cache = table_.bytes() + (shapes_ ? shapes_->details.bytes() : 0);
+  if (shapes_) figures.bytes_of_details = shapes_->details.bytes();
+  figures.bytes_beside_cache = table_.bytes() + figures.bytes_of_details;
 }
 
 std::unique_ptr<RecordSource> make_temporal_instant_caching(const PassSetup& setup) {
