@@ -51,8 +51,8 @@ def sentences(table: pd.DataFrame) -> str:
         left = _ratio(part, "packed_wait_free", "told")
         if left is not None:
             said += (f" A query that is told which records are valid, and only reads, weighs and adds them, is another "
-                     f"{style.number(left)} times as fast: no structure can gain more than that, as long as one query "
-                     "is answered after the other.")
+                     f"{style.number(left)} times as fast: no way of finding them can gain more, as long as one query "
+                     "is answered after the other and records lie where they do.")
         made += f"<p><b>{text(said)}</b></p>"
     return made
 

@@ -1,6 +1,9 @@
 // The contract that every cache in the registry keeps, checked against the brute-force oracle.
 #include <barrier>
+#include <fstream>
 #include <map>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "cache_contract.h"
@@ -25,6 +28,39 @@ TEST_P(Contract, SeesExactlyTheValidRecords) {
     most = std::max(most, expected.size());
   }
   EXPECT_GT(most, 5u) << "the test's records hardly overlap";
+}
+
+/// Mappings of this process for which large pages were asked; nothing if the system does not tell.
+std::optional<int> mappings_on_large_pages() {
+  std::ifstream maps("/proc/self/smaps");
+  std::optional<int> count;
+  for (std::string line; std::getline(maps, line);) {
+    if (!line.starts_with("VmFlags:")) continue;
+    count = count.value_or(0) + (line.find(" hg") != std::string::npos ? 1 : 0);
+  }
+  return count;
+}
+
+TEST_P(Contract, LargePagesAreAskedForAsToldAndChangeNoAnswer) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  const auto records = random_records(300, 1);
+  const std::optional<int> before = mappings_on_large_pages();
+  for (const LargePages pages : {LargePages::never, LargePages::when_large, LargePages::always}) {
+    CacheConfig c = config();
+    c.large_pages = pages;
+    AnyCache cache(GetParam(), c);
+    auto session = cache.open_session(0);
+    for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted);
+    Pcg32 rng(2);
+    for (int i = 0; i < 100; ++i) {
+      const SurfacePoint x = random_surface_point(rng);
+      ASSERT_EQ(seen(session, x), oracle(records, x, c.a)) << "query " << i;
+    }
+    if (!before || GetParam().traits.structure != "packed") continue;
+    const bool asks =
+        pages == LargePages::always || (pages == LargePages::when_large && c.capacity > 1u << 16);
+    EXPECT_EQ(*mappings_on_large_pages() > *before, asks) << static_cast<int>(pages);
+  }
 }
 
 TEST_P(Contract, QueryInterpolatesWhatVisitShows) {

@@ -98,6 +98,18 @@ TEST(Interpolator, StaysFiniteFromTinyToHuge) {
   }
 }
 
+// A million records on one spot: sums of floats overflow at the largest irradiance, and lose 2 % at 0.1.
+TEST(Interpolator, AMillionEqualRecordsAreAsOne) {
+  for (const float E : {1e-20f, 0.1f, 1.0f / 3.0f, kMaxIrradiance}) {
+    for (const float weight : {1.0f / 0.7f, 1.0f / kMinError}) {
+      Interpolator sum;
+      for (int i = 0; i < 1'000'000; ++i) sum({{}, {}, 1.0f, glm::vec3(E), 0}, weight);
+      ASSERT_TRUE(sum.result().has_value());
+      EXPECT_NEAR(sum.result()->x / E, 1.0f, 2.5e-7f) << E << " of weight " << weight;
+    }
+  }
+}
+
 TEST(RadiusLimits, ClampAlsoWhatIsNotANumber) {
   const RadiusLimits limits{0.1f, 2.0f};
   EXPECT_EQ(limits.clamp(0.0f), 0.1f);

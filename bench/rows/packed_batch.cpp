@@ -1,11 +1,11 @@
 // What it brings to have several queries under way at once: single queries of the packed octree against batched ones.
+#include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "caches/registry.h"
-#include "core/random.h"
+#include "rows/query_ratio.h"
 #include "rows/rows.h"
-#include "scene/registry.h"
-#include "workload/synthetic_plan.h"
 
 namespace icbench {
 namespace {
@@ -15,46 +15,60 @@ class SingleOverBatch : public Experiment {
   SingleOverBatch(const Machine& machine, std::string_view workload)
       : rays_(make_scene("cornell_box")),
         plan_(parse_workload(workload), rays_, machine.seed),
-        cache_(plan_.config(1)),
-        random_(machine.seed),
-        single_(kQueries),
-        batched_(kQueries) {
-    auto session = cache_.open_session(0);
-    for (const Record& r : plan_.records()) session.insert(r);
+        filled_(plan_),
+        random_(machine.seed) {
     machine.bind();
+    check_answers();
   }
 
   Sample sample() override {
-    const auto some = [&] {
-      return std::span(plan_.points())
-          .subspan(random_.below(static_cast<std::uint32_t>(plan_.points().size() - kQueries)), kQueries);
+    // Each is first asked, untimed, at points before those that are timed: see query_seconds.
+    const std::uint32_t first =
+        random_.below(static_cast<std::uint32_t>(plan_.points().size()) - kQueriesBefore - kTimedQueries);
+    const auto before = std::span(plan_.points()).subspan(first, kQueriesBefore);
+    const auto timed = std::span(plan_.points()).subspan(first + kQueriesBefore, kTimedQueries);
+    auto session = filled_.session();
+    const auto time_single = [&] {
+      one_by_one(session, before);
+      return seconds([&] { one_by_one(session, timed); });
     };
-    auto session = cache_.open_session(0);
-    const auto one_by_one = [&](std::span<const SurfacePoint> points) {
-      for (std::size_t i = 0; i < kQueries; ++i) single_[i] = session.query(points[i]);
+    const auto time_batch = [&] {
+      answers_.resize(kQueriesBefore);
+      session.query_batch(before, std::span(answers_).first(before.size()));
+      return seconds([&] { session.query_batch(timed, std::span(answers_).first(timed.size())); });
     };
-    // Each at points of its own: what was asked just now is warm.
-    const std::span apart = some(), together = some();
-    const auto time_single = [&] { return seconds([&] { one_by_one(apart); }); };
-    const auto time_batch = [&] { return seconds([&] { session.query_batch(together, batched_); }); };
     const bool batch_first = (count_++ & 1u) != 0;
-    double single = 0.0, batch = 0.0;
+    double batch = 0.0;
     if (batch_first) batch = time_batch();
-    single = time_single();
+    const double single = time_single();
     if (!batch_first) batch = time_batch();
-    one_by_one(together);
-    if (single_ != batched_) throw std::runtime_error("a batch answers differently from single queries");
     return {single / batch};
   }
 
  private:
-  static constexpr std::uint32_t kQueries = 16'000;
+  template <class Session>
+  void one_by_one(Session& session, std::span<const SurfacePoint> points) {
+    answers_.resize(kQueriesBefore);
+    for (std::size_t i = 0; i < points.size(); ++i) answers_[i] = session.query(points[i]);
+  }
+
+  void check_answers() {
+    auto session = filled_.session();
+    const auto some = std::span(plan_.points()).first(kTimedQueries);
+    one_by_one(session, some);
+    std::vector<std::optional<Irradiance>> batched(some.size());
+    session.query_batch(some, batched);
+    if (!std::equal(batched.begin(), batched.end(), answers_.begin()))
+      throw std::runtime_error("a batch answers differently from single queries");
+  }
+
+  static_assert(kTimedQueries <= kQueriesBefore, "there is room for the answers of either");
 
   RayTracer rays_;
   SyntheticPlan plan_;
-  PackedWaitFree<> cache_;
+  Filled<PackedWaitFree<>> filled_;
   Pcg32 random_;
-  std::vector<std::optional<Irradiance>> single_, batched_;
+  std::vector<std::optional<Irradiance>> answers_;
   unsigned count_ = 0;
 };
 

@@ -13,7 +13,7 @@ std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine) {
       machine, "mix_90_10:operations=200000", machine.units());
 }
 
-std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string_view cache) {
+std::unique_ptr<Experiment> packed_over_rival(const Machine& machine, std::string_view cache) {
   constexpr std::string_view kWorkload = "miss_driven:cost=1";
   const unsigned threads = std::min(4 * machine.units(), kMaxThreads);
   const auto over = [&]<template <class> class Lock>() -> std::unique_ptr<Experiment> {
@@ -26,6 +26,8 @@ std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string
   if (cache == PackedSpinRwMutex<>::kTraits.name) return over.template operator()<PackedSpinRwMutex>();
   if (cache == PackedDistributedRw<>::kTraits.name) return over.template operator()<PackedDistributedRw>();
   if (cache == PackedNodeLock<>::kTraits.name) return over.template operator()<PackedNodeLock>();
+  if (cache == TbbHashGridCache<>::kTraits.name) return over.template operator()<TbbHashGridCache>();
+  if (cache == AppendLogCache<>::kTraits.name) return over.template operator()<AppendLogCache>();
   throw std::runtime_error("no row compares with cache " + std::string(cache));
 }
 

@@ -21,6 +21,11 @@ std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std
   return std::make_unique<QueryRatio<PackedWaitFree<>, PackedFrozen>>(machine, workload);
 }
 
+std::unique_ptr<Experiment> packed_query_over_tbb_hash_grid(const Machine& machine,
+                                                            std::string_view workload) {
+  return std::make_unique<QueryRatio<TbbHashGridCache<>, PackedWaitFree<>>>(machine, workload);
+}
+
 std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine) {
   return std::make_unique<QueryRatio<PackedWaitFree<>, PackedSequential<>>>(machine);
 }

@@ -54,6 +54,9 @@ void add_packed(std::vector<Row>& rows) {
     add_reading("packed_query_replicated",
                 "time of a query to a scalar octree of whole records / of a packed_wait_free one", reading,
                 3.0, packed_query_over_replicated);
+  for (const Reading& reading : {kRandom, kCoherent})
+    add_reading("packed_query_tbb_hash_grid", "time of a tbb_hash_grid query / of a packed_wait_free one",
+                reading, 1.0, packed_query_over_tbb_hash_grid);
   for (const auto& [reading, target] :
        {std::pair{kRandom, 1.25}, std::pair{kCoherent, 1.4}, std::pair{kMillion, 1.25}}) {
     add(fmt::format("packed_live_over_frozen{}", reading.suffix),
@@ -101,8 +104,9 @@ void add_packed(std::vector<Row>& rows) {
         "time of the tests of lanes and records in packed_wait_free's queries by scalar code / by vectors",
         reading, target, packed_scalar_over_vector_kernels);
   }
-  add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
-              kRandom, 1.4, packed_single_over_batch);
+  for (const Reading& reading : {kRandom, kCoherent})
+    add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
+                reading, 1.4, packed_single_over_batch);
   for (const auto& [records, words, target] :
        {std::tuple{100'000u, "10^5", 5.0}, std::tuple{1'000'000u, "10^6", 8.0}}) {
     add(fmt::format("packed_insert_over_ward_{}", records),
@@ -121,7 +125,15 @@ void add_packed(std::vector<Row>& rows) {
         "packed_spin_rw_mutex", "packed_distributed_rw", "packed_node_lock"}) {
     add(fmt::format("packed_over_{}", lock.substr(7)),
         fmt::format("miss-driven throughput at 1 us a record, 4 threads a unit: packed_wait_free / {}", lock),
-        Relation::at_least, 1.6, [lock](const Machine& machine) { return packed_over_lock(machine, lock); });
+        Relation::at_least, 1.6, [lock](const Machine& machine) { return packed_over_rival(machine, lock); });
+  }
+  // The rivals as production libraries would build them: a target of this suite's own choice.
+  for (const std::string_view rival : {"tbb_hash_grid", "append_log"}) {
+    add(fmt::format("packed_over_{}", rival),
+        fmt::format("miss-driven throughput at 1 us a record, 4 threads a unit: packed_wait_free / {}",
+                    rival),
+        Relation::at_least, 1.0,
+        [rival](const Machine& machine) { return packed_over_rival(machine, rival); });
   }
 }
 

@@ -27,6 +27,9 @@ std::unique_ptr<Experiment> packed_query_over_ward(const Machine& machine, std::
 std::unique_ptr<Experiment> told_query_over_ward(const Machine& machine, std::string_view workload);
 /// Of a scalar octree of whole records over them, and of them over the same records frozen.
 std::unique_ptr<Experiment> packed_query_over_replicated(const Machine& machine, std::string_view workload);
+/// Of a rival from oneTBB over them.
+std::unique_ptr<Experiment> packed_query_over_tbb_hash_grid(const Machine& machine,
+                                                            std::string_view workload);
 std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine);
 std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine);
@@ -41,7 +44,7 @@ std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t 
 /// Throughput of its linearizable queries over that of regular ones, and of wait-free access over that of a lock around
 /// the same structure, by its registry name.
 std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine);
-std::unique_ptr<Experiment> packed_over_lock(const Machine& machine, std::string_view cache);
+std::unique_ptr<Experiment> packed_over_rival(const Machine& machine, std::string_view cache);
 
 /// Of its queries while all other units insert over the same while they do not.
 std::unique_ptr<Experiment> packed_insert_latency(const Machine& machine, std::uint32_t inserts_per_second);

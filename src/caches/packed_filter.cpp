@@ -242,6 +242,23 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
     hn::StoreU(weights_of(x, a, records + i), Group(), weights + i);
 }
 
+/// Adds four floats to sums of double precision. A template, so that only one way is compiled.
+template <class Doubles, class Floats4>
+HWY_INLINE void add_to(WeightedSums& sums, hn::Vec<Floats4> terms) {
+  const Doubles doubles;
+  const auto add = [&](std::size_t from, auto some) HWY_ATTR {
+    double* to = sums.data() + from;
+    hn::StoreU(hn::Add(hn::LoadU(doubles, to), hn::PromoteTo(doubles, some)), doubles, to);
+  };
+  if constexpr (hn::MaxLanes(Doubles()) == 4) {
+    add(0, terms);
+  } else {
+    const hn::Half<Floats4> half;
+    add(0, hn::LowerHalf(half, terms));
+    add(2, hn::UpperHalf(half, terms));
+  }
+}
+
 /// Weights are added as vectors of red, green, blue and the weight itself. Those behind the last record are 0, which
 /// changes no sum.
 std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
@@ -252,7 +269,7 @@ std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* r
   const hn::CappedTag<float, 4> colours;
   const auto one = hn::Set(colours, 1.0f);
   const auto is_colour = hn::FirstN(colours, 3);
-  auto sum = hn::LoadU(colours, sums.data());
+  auto sum = hn::Zero(colours);
   std::size_t valid = 0;
   for (std::uint32_t i = 0; i < n; i += kGroup) {
     const auto is_record = hn::FirstN(floats, std::min<std::size_t>(n - i, kGroup));
@@ -267,7 +284,7 @@ std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* r
       sum = hn::Add(sum, hn::Mul(hn::Set(colours, weights[k]), hn::IfThenElse(is_colour, row, one)));
     }
   }
-  hn::StoreU(sum, colours, sums.data());
+  add_to<hn::CappedTag<double, 4>, hn::CappedTag<float, 4>>(sums, sum);
   return static_cast<std::uint32_t>(valid);
 }
 #endif

@@ -28,6 +28,7 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
 #include <utility>
 
 #include "core/arena.h"
@@ -148,8 +149,9 @@ struct LaneKernels {
   void (*weigh)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                 float* weights);
 
-  /// Adds the irradiances of n records, so weighted, and their weights to `sums`, one after the other, bit for bit.
-  /// Returns how many are valid. There is a record at kWeighed - 1 more.
+  /// Adds the irradiances of n <= kWeighed records, so weighted, and their weights to `sums`: the sums of these records,
+  /// in single precision and one after the other, bit for bit. Returns how many are valid. There is a record at
+  /// kWeighed - 1 more.
   std::uint32_t (*add)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                        WeightedSums& sums);
 };
@@ -207,15 +209,14 @@ inline void weigh_records_scalar(const SurfacePoint& x, float a, const Record* c
 }
 inline std::uint32_t add_records_scalar(const SurfacePoint& x, float a, const Record* const* records,
                                         std::uint32_t n, WeightedSums& sums) {
-  MeanIrradiance sum;  // of its own, which stays in registers
-  sum.sums() = sums;
+  glm::vec4 sum(0.0f);
   std::uint32_t valid = 0;
   for (std::uint32_t i = 0; i < n; ++i) {
     const float weight = likely_split_sphere_weight(x, *records[i], a);
-    sum.add(records[i]->E, weight);
+    sum += weight * glm::vec4(records[i]->E, 1.0f);
     valid += weight > 0.0f;
   }
-  sums = sum.sums();
+  for (int i = 0; i < 4; ++i) sums[static_cast<std::size_t>(i)] += static_cast<double>(sum[i]);
   return valid;
 }
 

@@ -49,8 +49,12 @@ struct PackedStore {
   // What is filled of a cell's further strips, as a rule.
   static constexpr std::size_t kHintedBytes = (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t) / 3 * 2;
 
-  /// Whether large pages are worth the time it takes to clear one: the memory of so many records is several of them.
-  static bool is_large(const CacheConfig& config) noexcept { return config.capacity > 1u << 16; }
+  /// Unless told, large pages are asked for where they are worth the time it takes to clear one: the memory of so many
+  /// records is several of them.
+  static bool on_large_pages(const CacheConfig& config) noexcept {
+    return config.large_pages == LargePages::when_large ? config.capacity > 1u << 16
+                                                        : config.large_pages == LargePages::always;
+  }
 
   static constexpr std::uint32_t kMostPath = kPackedLevels + 1;
 
@@ -94,8 +98,8 @@ struct PackedStore {
       : addressing(config.bounds),
         a_max(config.a_max),
         sessions(config.max_sessions),
-        cells(config.capacity, sessions, kSpareRoom, is_large(config)),
-        records(config.capacity, sessions, is_large(config)),
+        cells(config.capacity, sessions, kSpareRoom, on_large_pages(config)),
+        records(config.capacity, sessions, on_large_pages(config)),
         list(kSpareRoom * config.capacity * kWorstListUnits + sessions * List::kIdleUnits) {}
 
   // Step bounds of queries (caches/session.h).

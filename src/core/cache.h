@@ -81,6 +81,10 @@ struct CacheTraits {
   bool waits_in_library = false;  ///< what blocks is a library's container, which no check can stop half way
 };
 
+/// Whether a cache asks the system for large pages, which it may refuse. They spare address translations, and cost the
+/// clearing of a whole one, 2 MiB as a rule, where a little of it is used.
+enum class LargePages : std::uint8_t { never, when_large, always };
+
 struct CacheConfig {
   Bounds bounds{};  ///< records and queries outside are refused
   float a_max =
@@ -88,6 +92,8 @@ struct CacheConfig {
   float a = 0.5f;  ///< accuracy of queries, kMinAccuracy <= a <= a_max; smaller is finer
   std::uint32_t capacity = 1 << 20;  ///< records that fit for certain
   std::uint32_t max_sessions = 1;    ///< threads that will open a session
+  LargePages large_pages =
+      LargePages::when_large;  ///< of the packed octree; large is a capacity over 65,536 records
 };
 
 /// Tickets for records are drawn by sessions in batches of this size (caches/session.h).
