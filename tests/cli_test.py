@@ -302,6 +302,25 @@ class Render(Case):
             self.succeed(*small_render(scene="cornell_specular", threads=1, out=name), *extra)
         self.assertEqual((self.folder / "a.exr").read_bytes(), (self.folder / "b.exr").read_bytes())
 
+    def test_given_options_without_effect_are_named_in_one_line(self):
+        small = ("--size", "16x16", "--spp", "1", "--out", "a.exr")
+        for integrator, given, said in (
+                ("whitted", ["--vpls", "3"], "--vpls has"),
+                ("path", ["--cache", "wait_free", "--accuracy", "0.2", "--interpolation", "gradients",
+                          "--deterministic", "--overture", "--rays", "4", "--leak-guard", "--cell-size", "4"],
+                 "--cache, --accuracy, --interpolation, --deterministic, --overture, --rays, --leak-guard, --cell-size "
+                 "have"),
+                ("instant_gi", ["--vpls", "4", "--rays", "4"], "--rays has"),
+                ("instant_caching", ["--vpls", "4", "--paths", "2", "--accuracy", "0.2"], "--paths has"),
+                ("irradiance_cache", ["--rays", "4", "--leak-guard", "--vpls", "4"], "--vpls has"),
+                ("hash_cells", ["--paths", "2", "--cell-size", "4", "--cache", "wait_free"], "--cache has"),
+                ("whitted", [], None)):
+            with self.subTest(integrator, given=given):
+                done = self.run_icbench("render", "--integrator", integrator, *small, *given)
+                self.assertEqual(done.returncode, 0)
+                self.assertEqual([line for line in done.stderr.splitlines() if "effect" in line],
+                                 [f"icbench: {said} no effect on {integrator}"] if said else [])
+
     def test_overwrites_its_own_pictures(self):
         (self.folder / "a.png").write_text(PRECIOUS)
         self.succeed(*small_render(out="a.png"))

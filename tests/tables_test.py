@@ -7,6 +7,7 @@ Needs a Python with the plotting libraries.
 import json
 import os
 import random
+import shutil
 import signal
 import struct
 import subprocess
@@ -464,6 +465,62 @@ class Failures(Case):
             self.assertRegex(done.stderr, r"\A[^\n]+\n\Z")
             self.assertIn(says, done.stderr)
             self.assertFalse(self.out.exists())
+
+
+class Script(Case):
+    """bench/tables itself, in a copy of the repository where cmake only says that it was called."""
+    def setUp(self):
+        super().setUp()
+        self.root = self.folder / "copy"
+        shutil.copytree(ROOT / "bench" / "tables_lib", self.root / "bench" / "tables_lib")
+        for name in ("tables", "setup", "packages.txt"):
+            shutil.copy(ROOT / "bench" / name, self.root / "bench" / name)
+        (self.root / "plots").mkdir()
+        (self.root / "plots" / "thesis_page.py").write_text("")
+        self.built = self.folder / "built"
+        cmake = self.folder / "stubs" / "cmake"
+        cmake.parent.mkdir()
+        cmake.write_text(f"#!/bin/sh\ntouch '{self.built}'\nexit 1\n")
+        cmake.chmod(0o755)
+
+    def script(self, *arguments):
+        self.built.unlink(missing_ok=True)
+        path = os.pathsep.join((str(self.folder / "stubs"), str(Path(sys.executable).parent), os.environ["PATH"]))
+        command = [self.root / "bench" / "tables", "--no-install", "--quick", "--out", self.out, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE,
+                              env={**os.environ, "PATH": path, "ICBENCH_PYTHON": sys.executable})
+
+    def refuse(self, *arguments, says):
+        done = self.script(*arguments)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertRegex(done.stderr, r"\A[^\n]+\n\Z")
+        self.assertIn(says, done.stderr)
+        self.assertFalse(self.built.exists(), "something was built first")
+        self.assertFalse(self.out.exists())
+
+    def have_built(self, text):
+        program = self.root / "build" / "release" / "bin" / "icbench"
+        program.parent.mkdir(parents=True, exist_ok=True)
+        program.write_text(text)
+        program.chmod(0o755)
+
+    def test_unknown_scenes_are_refused_before_anything_is_built_by_the_program_that_is_there(self):
+        self.refuse("--scenes", "atlantis", "--icbench", FAKE, says="'atlantis'")
+        self.refuse("--scenes", "office", f"--icbench={self.folder / 'none'}", says="none")
+        self.have_built(FAKE.read_text())
+        self.refuse("--scenes", "office,atlantis", says="'atlantis'")
+
+    def test_without_a_program_that_can_tell_one_is_built_first(self):
+        for make in (lambda: None, lambda: self.have_built("#!/bin/sh\nexit 1\n")):
+            make()
+            done = self.script("--scenes", "atlantis")
+            self.assertEqual(done.returncode, 2)
+            self.assertTrue(self.built.exists(), done.stderr)
+
+    def test_a_program_that_is_named_is_not_built(self):
+        done = self.script("--scenes", "office", "--size", "4x3", "--choose-vpls", "--icbench", FAKE)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertFalse(self.built.exists())
 
 
 if __name__ == "__main__":

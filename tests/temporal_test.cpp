@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <map>
@@ -16,6 +17,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "core/random.h"
@@ -223,21 +225,48 @@ TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
     }
 }
 
-class TemporalScene : public ::testing::TestWithParam<std::string> {};
+/// A number of frames that the environment asks for.
+std::optional<std::uint32_t> frames_asked_for(const char* variable) {
+  const char* const text = std::getenv(variable);
+  if (text == nullptr) return std::nullopt;
+  return static_cast<std::uint32_t>(std::strtoul(text, nullptr, 10));
+}
 
-TEST_P(TemporalScene, EveryRecordIsAsIfMadeAnew) {
-  const Scene scene = make_scene(GetParam());
+/// Which frames of an animation are rendered, how large, and with how many virtual lights.
+struct Footage {
+  int width, height;
+  std::uint32_t vpls;
+  std::vector<std::uint32_t> frames;
+};
+
+/// As many frames as ICBENCH_TEMPORAL_FRAMES says (all 100 in the full form of tests/run); where it is not set, five
+/// smaller ones from the start, then five from the middle: some things begin to move late.
+Footage footage_of(const Scene& scene) {
+  const auto asked = frames_asked_for("ICBENCH_TEMPORAL_FRAMES");
+  Footage out{24, 18, 128, {}};
+  if (asked) out = {32, 24, 256, {}};
+  const std::uint32_t stretch = asked ? std::min(*asked, scene.frames) : 5;
+  for (std::uint32_t frame = 0; frame < stretch; ++frame) out.frames.push_back(frame);
+  if (!asked)
+    for (std::uint32_t frame = 0; frame < stretch; ++frame) out.frames.push_back(scene.frames / 2 + frame);
+  return out;
+}
+
+class TemporalScene : public ::testing::TestWithParam<std::tuple<std::string, Interpolation>> {};
+
+TEST_P(TemporalScene, EveryRecordIsAsIfMadeAnewInEveryFrame) {
+  const auto& [name, level] = GetParam();
+  const Scene scene = make_scene(name);
   if (!scene.is_animated()) GTEST_SKIP() << "nothing changes";
-  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
-    Film film(scene, "wait_free", 2, 16, 12, 0.3f, 64, level);
-    // A few frames from the start, then from the middle: some things begin to move late.
-    for (const std::uint32_t first : {0u, scene.frames / 2})
-      for (std::uint32_t frame = first; frame < first + 3; ++frame) {
-        film.begin(frame);
-        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
-        film.render(frame);
-        ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
-      }
+  const Footage footage = footage_of(scene);
+  ASSERT_FALSE(footage.frames.empty());
+  Film film(scene, "wait_free", 2, footage.width, footage.height, 0.3f, footage.vpls, level);
+  for (const std::uint32_t frame : footage.frames) {
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
+    film.render(frame);
+    ASSERT_EQ(film.difference(), "") << "frame " << frame << ", rendered";
+    ASSERT_GT(film.records, 0u);
   }
 }
 
@@ -247,8 +276,14 @@ std::vector<std::string> scene_names() {
   return out;
 }
 
-INSTANTIATE_TEST_SUITE_P(Suite, TemporalScene, ::testing::ValuesIn(scene_names()),
-                         [](const auto& test) { return test.param; });
+INSTANTIATE_TEST_SUITE_P(Suite, TemporalScene,
+                         ::testing::Combine(::testing::ValuesIn(scene_names()),
+                                            ::testing::Values(Interpolation::split_sphere,
+                                                              Interpolation::gradients)),
+                         [](const auto& test) {
+                           const bool has_gradients = std::get<1>(test.param) == Interpolation::gradients;
+                           return std::get<0>(test.param) + (has_gradients ? "_gradients" : "");
+                         });
 
 TEST(Temporal, ItDoesSoWithEveryCacheAndNumberOfThreads) {
   const Scene scene = animated_room({true, true, true, true, true}, 6);
@@ -302,17 +337,18 @@ TEST(Temporal, WhatIsHiddenFromItIsNoticed) {
   })) << "the boxes are too small";
 }
 
+// 2,000 frames; as many as ICBENCH_DRIFT_FRAMES says where it is set (10,000 in the full form of tests/run).
 TEST(Temporal, NothingDriftsOverManyFrames) {
+  const std::uint32_t frames = frames_asked_for("ICBENCH_DRIFT_FRAMES").value_or(2'000);
+  ASSERT_GT(frames, 200u);
   Film film(animated_room({.rigid = true, .deforming = true, .camera = true}, 7), "wait_free", 1, 8, 6, 0.5f,
             64);
   std::uint64_t most = 0;
   std::size_t bytes = 0;
-  for (std::uint32_t frame = 0; frame < 1100; ++frame) {
+  for (std::uint32_t frame = 0; frame < frames; ++frame) {
     film.begin(frame);
     film.render(frame);
-    if (frame % 100 < 7) {
-      ASSERT_EQ(film.difference(), "") << "frame " << frame;
-    }
+    ASSERT_EQ(film.difference(), "") << "frame " << frame;
     most = std::max(most, film.pass->figures().records);
     if (frame == 200) bytes = film.pass->figures().bytes_beside_cache;
   }

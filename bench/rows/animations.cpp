@@ -12,7 +12,7 @@ namespace {
 class Studio {
  public:
   Studio(const Machine& machine, std::string_view integrator, const Setting& setting, std::uint64_t seed,
-         Interpolation interpolation = Interpolation::gradients)
+         std::uint32_t light_samples = 1, Interpolation interpolation = Interpolation::gradients)
       : rays_(make_scene(setting.scene)),
         team_(machine.topology, Placement::compact, machine.units()),
         renderer_({.rays = rays_,
@@ -21,6 +21,7 @@ class Studio {
                    .cache = find_cache("packed_wait_free"),
                    .width = kAnimationWidth,
                    .height = kAnimationHeight,
+                   .light_samples = light_samples,
                    .vpls = setting.vpls,
                    .a = accuracy_of(setting),
                    .interpolation = interpolation,
@@ -35,11 +36,14 @@ class Studio {
   FrameRenderer renderer_;
 };
 
-class OverTemporal : public Experiment {
+enum class Ratio { over_temporal, temporal_over };
+
+class IndirectTimes : public Experiment {
  public:
-  OverTemporal(const Machine& machine, std::string_view integrator, const Animation& animation)
+  IndirectTimes(const Machine& machine, std::string_view integrator, const Animation& animation, Ratio ratio)
       : other_(machine, integrator, animation.setting, machine.seed),
-        temporal_(machine, "temporal_instant_caching", animation.setting, machine.seed) {
+        temporal_(machine, "temporal_instant_caching", animation.setting, machine.seed),
+        ratio_(ratio) {
     // The first frame does not count. Instant global illumination keeps nothing of it, and takes most of a minute.
     if (integrator != "instant_gi") other_.render(0);
     temporal_.render(0);
@@ -52,12 +56,13 @@ class OverTemporal : public Experiment {
     const double temporal = temporal_.render(frame_).seconds_indirect;
     if (temporal_first) other = other_.render(frame_).seconds_indirect;
     ++frame_;
-    return {other / temporal};
+    return {ratio_ == Ratio::over_temporal ? other / temporal : temporal / other};
   }
   bool starts_warm() const override { return true; }
 
  private:
   Studio other_, temporal_;
+  Ratio ratio_;
   std::uint32_t frame_ = 1;
 };
 
@@ -67,9 +72,9 @@ class TemporalVisible : public Experiment {
 
   Sample sample() override {
     const std::uint64_t seed = hash_keys(machine_.seed, count_++);
-    Studio temporal(machine_, "temporal_instant_caching", setting_, seed);
+    Studio temporal(machine_, "temporal_instant_caching", setting_, seed, kJudgedLightSamples);
     for (std::uint32_t frame = 0; frame <= kLast; ++frame) temporal.render(frame);
-    Studio instant(machine_, "instant_gi", setting_, seed);
+    Studio instant(machine_, "instant_gi", setting_, seed, kJudgedLightSamples);
     instant.render(kLast);
     return {hdrvdp(instant.picture(), temporal.picture(), nullptr, {}).front().value};
   }
@@ -86,7 +91,7 @@ class TemporalVisible : public Experiment {
 class TemporalMemory : public Experiment {
  public:
   explicit TemporalMemory(const Machine& machine)
-      : temporal_(machine, "temporal_instant_caching", kAnimations[0].setting, machine.seed,
+      : temporal_(machine, "temporal_instant_caching", kAnimations[0].setting, machine.seed, 1,
                   Interpolation::split_sphere) {}
 
   Sample sample() override {
@@ -106,7 +111,12 @@ float accuracy_of(const Setting& setting) { return find_named("scene", setting.s
 
 std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_view integrator,
                                           const Animation& animation) {
-  return std::make_unique<OverTemporal>(machine, integrator, animation);
+  return std::make_unique<IndirectTimes>(machine, integrator, animation, Ratio::over_temporal);
+}
+
+std::unique_ptr<Experiment> temporal_over(const Machine& machine, std::string_view integrator,
+                                          const Animation& animation) {
+  return std::make_unique<IndirectTimes>(machine, integrator, animation, Ratio::temporal_over);
 }
 
 std::unique_ptr<Experiment> temporal_visible(const Machine& machine, const Setting& setting) {

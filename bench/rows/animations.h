@@ -48,9 +48,17 @@ inline std::vector<Setting> judged_scenes() {
 inline constexpr int kAnimationWidth = 512, kAnimationHeight = 384;
 
 /// Indirect time of a frame by an integrator over that by temporal instant caching. A sample is one frame of the
-/// animation, rendered by both.
+/// animation, rendered by both; of the first, in which temporal instant caching has nothing to keep, none is taken.
 std::unique_ptr<Experiment> over_temporal(const Machine& machine, std::string_view integrator,
                                           const Animation& animation);
+
+/// The reverse: that by temporal instant caching over that by the integrator.
+std::unique_ptr<Experiment> temporal_over(const Machine& machine, std::string_view integrator,
+                                          const Animation& animation);
+
+/// Estimates of direct light that a pixel gets where pictures are judged, as `icbench render` takes: with fewer, noise
+/// that both pictures share hides what tells them apart.
+inline constexpr std::uint32_t kJudgedLightSamples = 16;
 
 /// Percentage of pixels that a human tells apart (HDR-VDP, P > 75 %) between the last frame of a few by temporal
 /// instant caching and by instant global illumination with the same virtual lights. A sample is one seed.

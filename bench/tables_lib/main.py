@@ -39,7 +39,7 @@ class Run:
     """One run of bench/tables."""
     def __init__(self, settings: Settings):
         self.settings = settings
-        self.known = self._known_scenes()
+        self.known = options.known_scenes(settings.icbench)
         self.scenes, self.absent = self._scenes()
         self.planner = Planner(settings, {name: e["accuracy"] for name, e in self.known.items()})
         self.store = Store(settings.icbench, settings.out / "jobs", settings.references,
@@ -48,30 +48,10 @@ class Run:
         self.broken: set[str] = set()  # identities of jobs that failed or read files of such
         self.done: dict[str, dict] = {}
 
-    def _known_scenes(self) -> dict[str, dict]:
-        """What the program lists of each, by name. Raises BadUsage if it cannot tell."""
-        command = [str(self.settings.icbench), "list", "scenes", "--json"]
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
-            entries = json.loads(done.stdout)
-            return {e["name"]: e for e in entries if not e.get("analytic")}
-        except OSError as error:
-            raise BadUsage(
-                f"{self.settings.icbench}: {error.strerror}; build it, or name another with --icbench"
-            ) from None
-        except (ValueError, TypeError, KeyError, AttributeError):
-            raise BadUsage(
-                f"{shlex.join(command)} lists no scenes; build it, or name another with --icbench") from None
-
     def _scenes(self) -> tuple[list[str], list[str]]:
         """The scenes to run, and those of the thesis that the program does not have."""
         wanted = self.settings.scenes
-        for name in wanted:
-            if name not in self.known and not Path(name).is_file():
-                raise BadUsage(
-                    f"--scenes: there is no scene and no file '{name}'; the scenes are "
-                    f"{', '.join(self.known)}"
-                )
+        options.require_scenes(self.settings, self.known)
         all_ = [*kAnimations, *kStills]
         return ([str(Path(n).resolve()) if n not in self.known else n for n in wanted]
                 or [n for n in all_ if n in self.known],

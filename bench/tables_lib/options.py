@@ -2,13 +2,17 @@
 only.
 
 As a program it checks its arguments and does nothing else: status 0, or 2 and one line. So bench/tables
-refuses wrong options before it installs, builds or measures anything.
+refuses wrong options before it installs, builds or measures anything; names of scenes, too, where there is a
+program to ask.
 """
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import re
+import shlex
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,6 +72,7 @@ class Settings:
     only_vpls: bool  # nothing but the choice of each scene's number of VPLs
     keep_png: bool
     icbench: Path
+    builds: bool  # the program is the release build's, made anew
 
 
 class _Parser(argparse.ArgumentParser):
@@ -151,7 +156,7 @@ def parse(arguments: list[str]) -> Settings:
     parser.add_argument("--igi-every", default="1")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--keep-frames", choices=["png"])
-    parser.add_argument("--icbench", default=str(root / "build" / "release" / "bin" / "icbench"))
+    parser.add_argument("--icbench")
     given = parser.parse_args(arguments)
 
     mode = "quick" if given.quick else "default"
@@ -180,12 +185,49 @@ def parse(arguments: list[str]) -> Settings:
                     _accuracy(given.accuracy) if given.accuracy else None,
                     _whole("--igi-every", given.igi_every, 1, 100000),
                     _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.choose_vpls,
-                    given.keep_frames == "png", Path(os.path.abspath(given.icbench)))
+                    given.keep_frames == "png",
+                    Path(os.path.abspath(given.icbench or root / "build" / "release" / "bin" / "icbench")),
+                    given.icbench is None)
+
+
+def known_scenes(icbench: Path) -> dict[str, dict]:
+    """What the program lists of each, by name. Raises BadUsage if it cannot tell."""
+    command = [str(icbench), "list", "scenes", "--json"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL)
+        entries = json.loads(done.stdout)
+        return {e["name"]: e for e in entries if not e.get("analytic")}
+    except OSError as error:
+        raise BadUsage(f"{icbench}: {error.strerror}; build it, or name another with --icbench") from None
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise BadUsage(f"{shlex.join(command)} lists no scenes; build it, or name another with --icbench") from None
+
+
+def require_scenes(settings: Settings, known: dict[str, dict]) -> None:
+    """Raises BadUsage if a scene that was asked for is neither known nor a file."""
+    for name in settings.scenes:
+        if name not in known and not Path(name).is_file():
+            raise BadUsage(f"--scenes: there is no scene and no file '{name}'; the scenes of {settings.icbench} are "
+                           f"{', '.join(known)}")
+
+
+def refuse_unknown_scenes(settings: Settings) -> None:
+    """Raises BadUsage before anything is built, if there is a program that knows better. One that is built anew and
+    cannot tell its scenes is not asked.
+    """
+    try:
+        known = known_scenes(settings.icbench)
+    except BadUsage:
+        if settings.builds:
+            return
+        raise
+    require_scenes(settings, known)
 
 
 def main() -> int:
     try:
-        parse(sys.argv[1:])
+        settings = parse(sys.argv[1:])
+        refuse_unknown_scenes(settings)
     except BadUsage as error:
         print(f"bench/tables: {error}; see --help", file=sys.stderr)
         return 2

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <vector>
 
 #include "cli/options.h"
 #include "scene/registry.h"
@@ -20,9 +21,42 @@ std::uint32_t light_samples_of(const FrameOptions& o) {
   return o.light_samples != 0 ? o.light_samples : std::max(1u, kLightSamples / o.spp);
 }
 
+/// An option that not every integrator has a use for.
+struct ParticularOption {
+  const char* name;
+  bool (*is_used_by)(const IntegratorEntry&);
+};
+
+bool uses_vpls(const IntegratorEntry& i) { return i.uses_vpls; }
+bool uses_cells(const IntegratorEntry& i) { return i.uses_cells; }
+bool uses_cache(const IntegratorEntry& i) { return i.needs_cache(); }
+bool gathers_hemispheres(const IntegratorEntry& i) { return i.needs_cache() && !i.uses_vpls; }
+
+constexpr ParticularOption kParticularOptions[] = {{"--cache", uses_cache},
+                                                   {"--accuracy", uses_cache},
+                                                   {"--interpolation", uses_cache},
+                                                   {"--deterministic", uses_cache},
+                                                   {"--overture", uses_cache},
+                                                   {"--rays", gathers_hemispheres},
+                                                   {"--leak-guard", gathers_hemispheres},
+                                                   {"--vpls", uses_vpls},
+                                                   {"--cell-size", uses_cells},
+                                                   {"--paths", uses_cells}};
+
+void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry& integrator) {
+  if (o.given_to == nullptr) return;
+  std::vector<const char*> idle;
+  for (const ParticularOption& option : kParticularOptions)
+    if (!option.is_used_by(integrator) && o.given_to->count(option.name) > 0) idle.push_back(option.name);
+  if (!idle.empty())
+    fmt::print(stderr, "icbench: {} {} no effect on {}\n", fmt::join(idle, ", "),
+               idle.size() == 1 ? "has" : "have", integrator.name);
+}
+
 }  // namespace
 
 void add_frame_options(CLI::App* app, FrameOptions& o) {
+  o.given_to = app;
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return app->add_option(name, value, help)->capture_default_str();
   };
@@ -102,6 +136,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                   tiles,   o.seed,          {},         o.cell_size,
                                                   o.paths, o.deterministic, o.overture, o.leak_guard});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
+  warn_of_options_without_effect(o, integrator);
 }
 
 nlohmann::ordered_json FrameSetup::asked() const {

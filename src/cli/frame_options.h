@@ -24,6 +24,7 @@ struct FrameOptions {
   std::uint64_t seed = 1;
   bool deterministic = false, overture = false;
   bool leak_guard = false;
+  const CLI::App* given_to = nullptr;  ///< the subcommand that was given them; null: none was
 };
 
 /// Adds the options to a subcommand; `o` holds their defaults and must outlive the parsing.
@@ -32,7 +33,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o);
 /// The scene, the threads and the renderer that the options ask for.
 class FrameSetup {
  public:
-  /// Throws std::runtime_error with one line for options that cannot be met.
+  /// Throws std::runtime_error with one line for options that cannot be met. A line on standard error names those that
+  /// were given and have no effect on the integrator.
   explicit FrameSetup(const FrameOptions& o);
 
   RayTracer& rays() noexcept { return *rays_; }
