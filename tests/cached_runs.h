@@ -51,12 +51,40 @@ class ListSession {
   std::vector<Record> records{};
 };
 
+// Records of one integrator at one level of interpolation.
+struct RecordKind {
+  std::string name;
+  Interpolation level;
+  MakeSource make;
+
+  bool by_vpls() const { return make != make_irradiance_cache; }
+  /// Of the accuracy, with which a cache is asked for these records.
+  float reach() const { return search_reach(level, by_vpls()); }
+};
+
+inline void PrintTo(const RecordKind& kind, std::ostream* out) { *out << kind.name; }
+
+/// Names a parameter of a test.
+inline std::string kind_name(const ::testing::TestParamInfo<RecordKind>& info) { return info.param.name; }
+
+/// All that there are.
+inline std::vector<RecordKind> record_kinds() {
+  std::vector<RecordKind> kinds;
+  for (const IntegratorEntry& integrator : kIntegrators)
+    for (const InterpolationEntry& entry : kInterpolations)
+      if (integrator.needs_cache() && (!integrator.uses_vpls || is_for_vpls(entry.level)))
+        kinds.push_back(
+            {std::string(integrator.name) + "_" + std::string(entry.name), entry.level, integrator.source});
+  return kinds;
+}
+
 struct Level {
   Interpolation level = Interpolation::split_sphere;
   std::uint32_t gather_rays = 64;
   float a = 0.2f;
   bool leak_guard = false;
   std::uint32_t vpls = 64;
+  std::uint64_t seed = 0;
 };
 
 struct LevelRun {
@@ -72,6 +100,7 @@ inline LevelRun run_level(const RayTracer& rays, const PrimaryHits& primary, con
   PassSetup setup{rays, crew, primary.width, primary.height};
   setup.gather_rays = level.gather_rays;
   setup.vpls = level.vpls;
+  setup.seed = level.seed;
   setup.a = level.a;
   setup.interpolation = level.level;
   setup.leak_guard = level.leak_guard;

@@ -481,6 +481,10 @@ TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
         const Irradiance E = irradiance_from(of, hit, vpls, clamp);
         EXPECT_TRUE(is_irradiance(E)) << flux << ' ' << clamp << ' ' << E.x;
         EXPECT_LE(E.x, 1.001f * std::min(kMaxIrradiance, 16.0f * flux * clamp / 3.0f));
+        IrradianceGradients g;
+        EXPECT_TRUE(same_bits(irradiance_from(of, hit, vpls, clamp, g), E));
+        for (std::size_t c = 0; c < 3; ++c)
+          EXPECT_TRUE(is_finite(g.translational[c]) && is_finite(g.rotational[c])) << flux << ' ' << clamp;
       }
     }
   }

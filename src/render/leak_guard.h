@@ -9,10 +9,10 @@
 // into kLeakSectors sectors. Those are marked into which a ray went low, less than 45 degrees above the plane, and met
 // something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a
 // query the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met
-// so. Elsewhere it counts only after a ray from the point to the record meets nothing. Its ends are lifted off the
-// surfaces by the tracer's epsilon and by shares of their distance: the point's by kLeakLift, so that what is lower
-// than that stops nothing, and the record's by kLeakRise, so that a slit under a wall lets nothing through unless the
-// point lies close behind it.
+// so, or than a flat wall may be between two rays that met it. Elsewhere it counts only after a ray from the point to
+// the record meets nothing. Its ends are lifted off the surfaces by the tracer's epsilon and by shares of their
+// distance: the point's by kLeakLift, so that what is lower than that stops nothing, and the record's by kLeakRise, so
+// that a slit under a wall lets nothing through unless the point lies close behind it.
 //
 // What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
 // lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.
@@ -43,7 +43,8 @@ inline constexpr std::uint32_t kLeakPacket = 16;   ///< rays
 struct LeakMarks {
   std::uint32_t sectors =
       0;  ///< bit i: between the angles 2 pi i / kLeakSectors and 2 pi (i + 1) / kLeakSectors
-  float nearest = std::numeric_limits<float>::infinity();  ///< along the tangent plane, metres
+  float nearest =
+      std::numeric_limits<float>::infinity();  ///< how near it may be along the tangent plane, metres
 };
 
 /// What is taken for the marks of a record of which nothing is known.

@@ -213,6 +213,9 @@ class Slopes {
     alignas(64) float moves[3][kWord], turns[3][kWord];
     for (std::size_t i = 0; i < kWord; ++i) kept[i] = 0u - static_cast<std::uint32_t>(bits >> i & 1u);
     for (std::size_t i = 0; i < kWord; ++i) kept[i] &= word.G[i] < clamp ? ~0u : 0u;
+    // Of what is added below, flux times factors, nothing exceeds 6 (1 / |d|^4 + 1) flux.
+    for (std::size_t i = 0; i < kWord; ++i)
+      kept[i] &= (word.inverse[i] + 1.0f) * (v.red[i] + v.green[i] + v.blue[i]) < kMostSlope ? ~0u : 0u;
     for (std::size_t i = 0; i < kWord; ++i) {
       const ToVpl to(v, i, p, n);
       const float inverse = masked(word.inverse[i], kept[i]);
@@ -243,6 +246,9 @@ class Slopes {
   }
 
  private:
+  // What changes faster counts as constant, as what the clamp bounds does: so sums over millions do not overflow.
+  static constexpr float kMostSlope = 1e31f;
+
   static glm::vec3 total(const float (&of)[3][kLanes]) noexcept {
     glm::vec3 sum(0.0f);
     for (int axis = 0; axis < 3; ++axis)

@@ -52,8 +52,8 @@ Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, 
                            float clamp) noexcept;
 
 /// The very same, and how it changes as the point moves in its tangent plane and as its normal turns, with each VPL
-/// seen or hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds
-/// counts as constant. Finite.
+/// seen or hidden as it is: true but at the edges of shadows, where irradiance jumps. A VPL that the clamp bounds, or
+/// whose light changes by more than 10^31 W/m^3, counts as constant. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp, IrradianceGradients& gradients) noexcept;
 
