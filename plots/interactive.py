@@ -10,7 +10,7 @@ from pathlib import Path
 
 kLibraries = ("/usr/share/javascript/chart.js/chart.min.js", "/usr/share/javascript/chart.js/Chart.min.js")
 kPackage = "libjs-chart.js"
-kScripts = ("page.js", "choice.js", "explorer.js")
+kScripts = ("page.js", "choice.js", "seconds.js", "explorer.js")
 kDigits = 4  # significant ones of numbers that scripts show
 
 
@@ -27,11 +27,11 @@ def data(identity: str, value) -> str:
     return f'<script type="application/json" id="{identity}">{made}</script>'
 
 
-def short(value: float | None) -> float | None:
-    """A number as JSON holds it, in kDigits significant digits; None for what is none."""
+def short(value: float | None, digits: int = kDigits) -> float | None:
+    """A number as JSON holds it, in some significant digits; None for what is none."""
     if value is None or not math.isfinite(value):
         return None
-    made = float(f"{value:.{kDigits}g}")
+    made = float(f"{value:.{digits}g}")
     return int(made) if made == int(made) and abs(made) < 1e15 else made
 
 

@@ -13,9 +13,10 @@ from figure import Built, Figure, Panel, Plate, main
 from pareto_results import kErrors, kFiles, Measured, load, method_order, on_front, points
 from results import kMinRepetitions
 
-kDrawn = {"relmse": "Error of the indirect light", "flip": "What is seen when flipping between pictures",
+kDrawn = {"relmse": "Error of the indirect light", "rmse": "The same as a difference of radiance",
+          "flip": "What is seen when flipping between pictures",
           "hdrvdp_p75": "Pixels that a human tells apart"}
-kFloors = {"relmse": "reference_relmse"}
+kFloors = {"relmse": "reference_relmse", "rmse": "reference_rmse"}
 kFrontColour = "#c9c2b4"
 kFloorColour = "#6b6b6b"
 
@@ -106,8 +107,9 @@ FIGURE = Figure(
     "at the very same points of the scene, both axes logarithmic. Left and low is good. A line joins the settings of a "
     "method that make sense, from quick and coarse to slow and fine; the wide pale line is the front, which no other "
     "point beats in both time and error. Below the dashed line an error says nothing: the reference itself is no "
-    "better. Error of path tracing is noise, and its relMSE falls as its time rises; the methods that share light "
-    "start far below, and level off where their bias begins.",
+    "better. relMSE weighs every pixel by its own brightness, of pictures scaled to mean luminance 1; RMSE is mostly "
+    "that of the brightest pixels. Error of path tracing is noise, and its relMSE falls as its time rises; the methods "
+    "that share light start far below, and level off where their bias begins.",
     build)
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
 """The report's part on speed against error: what to use in how much time, the front in numbers, and pictures."""
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import style  # first: it checks what is installed
 
 import pandas as pd
 
+import pareto_choice
 from inline import data_uri, image
 from pareto_results import Measured, Pictures, method_order, points, setting_words
 from tables import interval, note_line, table, text
@@ -15,22 +15,19 @@ from tables import interval, note_line, table, text
 kTitle = "Speed against error, all methods"
 kLead = ("<p>Every method that makes indirect light, over its parameters, judged at identical primary hits against "
          "path tracing. Times are those of the indirect light alone; direct light costs the same for all.</p>")
-kSteps = (1, 3)  # budgets in every decade
-kFront = ("relmse", "flip", "hdrvdp_p75")
+kFront = ("relmse", "rmse", "flip", "hdrvdp_p75")
 
 
 def budgets(part: pd.DataFrame) -> list[float]:
     """Round times from the fastest setting to the slowest."""
     low, high = part["seconds"].min(), part["seconds"].max()
-    made = [step * 10.0**d for d in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-            for step in kSteps]
-    return [b for b in made if low <= b <= 1.0001 * high] or [high]
+    return [b for b in pareto_choice.budgets(part["seconds"]) if low <= b <= 1.0001 * high] or [high]
 
 
 def best_within(part: pd.DataFrame, seconds: float, error: str = "relmse") -> pd.Series | None:
     """The setting of least error that takes no longer; None if none is that fast."""
-    fast = part[(part["seconds"] <= seconds) & part[error].notna()]
-    return None if fast.empty else fast.loc[fast[error].idxmin()]
+    found = pareto_choice.best_of_each(part, seconds, error)
+    return None if found.empty else found.iloc[0]
 
 
 def _named(line: pd.Series, value: str = "") -> str:
@@ -81,7 +78,7 @@ def front_table(part: pd.DataFrame) -> str:
     shown = [e for e in kFront if e in part]
     mine = part[part[[f"front_{e}" for e in shown]].any(axis=1)].sort_values("seconds")
     has = [n for n in ("bias", "deviation", "mean_ratio", "full_relmse") if n in part]
-    names = {"relmse": "relMSE", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, %", "bias": "bias",
+    names = {"relmse": "relMSE", "rmse": "RMSE", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, %", "bias": "bias",
              "deviation": "deviation", "mean_ratio": "mean", "full_relmse": "relMSE of the whole picture"}
     head = '<th>on a front</th><th class="n">seconds</th>' + "".join(
         f'<th class="n">{names[n]}</th>' for n in (*shown, *has))
@@ -148,11 +145,17 @@ def section(measured: Measured, anchor: str, figure: str) -> str:
     """The page. `figure`: HTML of the figure."""
     everything = points(measured)
     made = f'<h2 id="{anchor}">{text(kTitle)}</h2>{kLead}'
-    if not measured.complete:
-        made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
-    made += "".join(sentence(scene, part) for scene, part in everything.groupby("scene")) + figure
+    if measured.cut_short:
+        made += ('<div class="banner">Incomplete: this part shows what was measured until the run was cut short '
+                 f'({text(", ".join(measured.cut_short))}).</div>')
+    made += "".join(f'<div class="banner">Left out: {text(why)}.</div>' for why in measured.left_out)
+    made += pareto_choice.section(measured, everything) + figure
+    several = everything["scene"].nunique() > 1
     for scene, part in everything.groupby("scene"):
-        made += f"<h3>{text(scene.replace('_', ' '))}</h3>{choices(part)}{front_table(part)}"
+        words = text(scene.replace("_", " "))
+        made += (f'<details class="plain" open><summary>{words}: beside path tracing, fronts, and pictures'
+                 "</summary>" if several else "")
+        made += f"<h3>{words}</h3>{sentence(scene, part)}{choices(part)}{front_table(part)}"
         made += note_line(_legend(part))
         for pictures in measured.pictures:
             if pictures.index.get("scene") == scene:
@@ -160,5 +163,6 @@ def section(measured: Measured, anchor: str, figure: str) -> str:
                 made += note_line("of each method the setting of least relMSE that is no slower; all pictures have "
                                   "the reference's direct light. Below each is its error as FLIP, where black is "
                                   "none")
+        made += "</details>" if several else ""
     names = ", ".join(path.name for path in measured.paths)
     return made + f'<p class="note">From <code>{text(names)}</code>, measured on {text(measured.label)}.</p>'

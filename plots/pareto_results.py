@@ -21,7 +21,8 @@ kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "flip": "FLIP", "hdrv
            "hdrvdp_p95": "HDR-VDP, % of pixels at 95 %", "full_relmse": "relMSE of the whole picture"}
 kOthers = ("mean_ratio", "full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
 kOfLast = ("bias", "deviation", "bias_runs")  # of all runs together: the last one tells
-kReference = ("reference_spp", "reference_rmse", "reference_relmse", "full_reference_relmse", "width", "height")
+kReference = ("reference_spp", "reference_rmse", "reference_relmse", "full_reference_relmse", "width", "height",
+              "relmse_scale")
 kNeeded = ("scene", "method", "seconds_indirect", "relmse")
 kKeys = ["scene", "method", "setting"]
 
@@ -43,9 +44,16 @@ class Measured:
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)
     pictures: list[Pictures] = field(default_factory=list)
 
+    left_out: list[str] = field(default_factory=list)  # why files were not read
+
     @property
     def complete(self) -> bool:
-        return all(c.get("complete", True) for c in self.contexts)
+        return not self.cut_short
+
+    @property
+    def cut_short(self) -> list[str]:
+        """The files of runs that did not come to their end."""
+        return [path.name for path, context in zip(self.paths, self.contexts) if not context.get("complete", True)]
 
 
 def setting_of(name: str) -> str:
@@ -79,6 +87,9 @@ def on_front(seconds, error) -> np.ndarray:
 
 def points(measured: Measured) -> pd.DataFrame:
     """One line per setting: medians with intervals, bias and deviation of its runs, and its fronts, `front_ERROR`.
+
+    Of seconds and errors the spread of its runs as well, `X_from` and `X_to`: the interval, or where there are too few
+    runs for one, least and most of them; nothing of a single run.
     """
     rows = measured.rows
     table = summarise(rows, kKeys, "seconds_indirect").drop(columns="spread").rename(
@@ -87,6 +98,13 @@ def points(measured: Measured) -> pd.DataFrame:
         part = summarise(rows, kKeys, name).drop(columns=["spread", "n"]).rename(
             columns={"median": name, "low": f"{name}_low", "high": f"{name}_high"})
         table = table.merge(part, on=kKeys, how="left")
+    for name in ["seconds", *(e for e in kErrors if e in rows)]:
+        values = rows.groupby(kKeys)["seconds_indirect" if name == "seconds" else name]
+        ends = values.agg(["min", "max"]).where(values.count() > 1).rename(
+            columns={"min": f"{name}_from", "max": f"{name}_to"})
+        table = table.merge(ends, left_on=kKeys, right_index=True, how="left")
+        table[f"{name}_from"] = table[f"{name}_low"].fillna(table[f"{name}_from"])
+        table[f"{name}_to"] = table[f"{name}_high"].fillna(table[f"{name}_to"])
     last = rows.sort_values("repetition_index").groupby(kKeys, sort=False)
     for name in [n for n in (*kOthers, *kReference) if n in rows]:
         column = "frame_seconds" if name == "seconds" else name
@@ -171,6 +189,18 @@ def load(paths) -> list[Measured]:
     for one in found:
         one.pictures = [p for p in map(_pictures, one.paths, one.contexts) if p]
     return found
+
+
+def load_what_can_be(paths) -> tuple[list[Measured], list[str]]:
+    """The same, but files that cannot be read cost no others: they are left out, and why is told."""
+    good, left_out = [], []
+    for path in paths:
+        try:
+            _read(path)
+            good.append(path)
+        except InputError as error:
+            left_out.append(str(error))
+    return load(good), left_out
 
 
 def method_order(names) -> list[str]:

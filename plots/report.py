@@ -28,6 +28,7 @@ import correctness
 import correctness_page
 import explorer
 import interactive
+import pareto_choice
 import pareto_page
 import pareto_results
 import preemption_page
@@ -323,16 +324,21 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
 
 def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path],
           anatomy: list[Path], out: Path, command: str, preemption: list[Path] = (),
-          timelines: list[Path] = (), breakdowns: list[Path] = ()) -> Path:
+          timelines: list[Path] = (), breakdowns: list[Path] = (), forgiving: bool = False) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
     `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names, `anatomy`
     of the program of that name, `preemption` of icbench preempt, `timelines` of icbench sweep --timeline and
-    `breakdowns` of icbench sweep --breakdown.
+    `breakdowns` of icbench sweep --breakdown. `forgiving`: files of `pareto` that cannot be read are left out, and the
+    page says so.
     """
     setups = load(paths)
     checked = correctness.load(verdicts)
-    compared = pareto_results.load(pareto)
+    compared, left_out = pareto_results.load_what_can_be(pareto) if forgiving else (pareto_results.load(pareto), [])
+    for one in compared[:1]:
+        one.left_out = left_out
+    for why in left_out:
+        print(f"report.py: left out: {why}", file=sys.stderr)
     repeated = repeatability_results.load(repeatability)
     apart = anatomy_results.load(anatomy)
     stopped = preemption_results.load(preemption)
@@ -351,6 +357,8 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         which = f" ({text('; '.join(cut))})" if several else ""
         body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
                  "only what was measured until then.</div>")
+    if not compared:
+        body += "".join(f'<div class="banner">Left out: {text(why)}.</div>' for why in left_out)
     body += "".join(map(correctness_page.alarm, checked))
     if several:
         names = "".join(f'<a href="#{s.slug}-summary">{text(s.label)}</a>' for s in setups)
@@ -358,7 +366,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     for setup in setups:
         prefix = f"{setup.slug}-" if several else ""
         further = {"differences": comparison_page.kTitle} if several else {}
-        further |= {one.slug: "All methods" for one in compared[:1]}
+        further |= {one.slug: pareto_choice.kTitle for one in compared[:1]}
         further |= {one.slug: "What threads add" for one in repeated[:1]}
         further |= {one.slug: preemption_page.kTitle for one in stopped[:1]}
         further |= {f"breakdown-{one.slug}": breakdown_page.kTitle for one in accounted[:1]}
@@ -409,7 +417,7 @@ def main() -> int:
     out = arguments.out or arguments.results[0].parent
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
-                    timelines, breakdowns))
+                    timelines, breakdowns, forgiving=not arguments.pareto))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

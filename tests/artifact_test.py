@@ -280,8 +280,10 @@ class Release(unittest.TestCase):
         self.git("add", "-A")
         self.git("-c", "user.name=t", "-c", "user.email=t@t", "commit", "-q", "-m", "t")
         self.results.mkdir()
-        for name in ("results", "pareto", "repeatability_irradiance_cache", "repeatability_instant_caching", "preempt",
-                     "breakdown", "anatomy", "simulated"):
+        scenes = ("cornell_box", "wobble", "desk", "bunnies_1", "bunnies_2", "bunnies_4", "bunnies_9", "cornell_specular",
+                  "cornell_indirect", "conference", "sibenik", "office")
+        for name in ("results", *(f"pareto_{scene}" for scene in scenes), "repeatability_irradiance_cache",
+                     "repeatability_instant_caching", "preempt", "breakdown", "anatomy", "simulated"):
             self.write(name, complete=True)
         (self.results / "correctness.json").write_text('{"checks": []}')
         self.write_run("default")
@@ -309,15 +311,15 @@ class Release(unittest.TestCase):
         listed = {line.split()[1] for line in (out / "SHA256SUMS").read_text().splitlines()}
         there = {f"./{path.relative_to(out)}" for path in out.rglob("*") if path.is_file()}
         self.assertEqual(listed, there - {"./SHA256SUMS"})
-        for name in ("source.tar.gz", "environment.txt", "ARTIFACT.md", "bench/MEASURED.md", "results/pareto.json",
+        for name in ("source.tar.gz", "environment.txt", "ARTIFACT.md", "bench/MEASURED.md", "results/pareto_sibenik.json",
                      "results/run.json"):
             self.assertIn(f"./{name}", listed)
         commits, page = (out / "commit.txt").read_text(), (out / "README.md").read_text()
-        self.assertIn("abc123 pareto.json", commits)
+        self.assertIn("abc123 pareto_sibenik.json", commits)
         self.assertIn("run default, abc123, from 2026-01-02T03:04:05Z", commits)
         self.assertIn("are those of `bench/run` (mode default) at commit abc123,", page)
         self.assertTrue(page.endswith("\n\n" + (kRoot / "README.md").read_text()))
-        (out / "results/pareto.json").write_text("{}")
+        (out / "results/pareto_sibenik.json").write_text("{}")
         checked = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=out, capture_output=True)
         self.assertNotEqual(checked.returncode, 0)
 
@@ -330,7 +332,7 @@ class Release(unittest.TestCase):
             self.assertFalse((self.folder / "out").exists())
 
         for context, says in (({"complete": False}, "is not complete"), ({"dirty": True}, "not committed")):
-            self.write("pareto", **context)
+            self.write("pareto_sibenik", **context)
             refused(says)
         self.write_run("quick")
         refused("quick one")
@@ -341,11 +343,11 @@ class Release(unittest.TestCase):
         (self.results / ".unfinished").touch()
         refused("is not finished")
         self.write_run("full")
-        (self.results / "pareto.json").write_text('{"context": {')
+        (self.results / "pareto_sibenik.json").write_text('{"context": {')
         refused("is damaged")
-        (self.results / "pareto.json").unlink()
+        (self.results / "pareto_sibenik.json").unlink()
         refused("no ")
-        self.write("pareto", complete=True)
+        self.write("pareto_sibenik", complete=True)
         (self.clone / "README.md").write_text("changed")
         refused("has changes that are not committed (README.md)")
 

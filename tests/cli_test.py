@@ -13,6 +13,19 @@ from pathlib import Path
 from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, small_repeatability,
                          write_white_png)
 
+# A room for Radiance's readers, with the light of its lamp to be filled in.
+ROOM = """# view -vp 2 .2 1.5 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 60
+void plastic walls 0 0 5 .7 .6 .5 0 0
+void light glow 0 0 3 {0} {0} {0}
+walls polygon floor 0 0 12 0 0 0  4 0 0  4 4 0  0 4 0
+walls polygon ceiling 0 0 12 0 0 3  0 4 3  4 4 3  4 0 3
+walls polygon left 0 0 12 0 0 0  0 4 0  0 4 3  0 0 3
+walls polygon right 0 0 12 4 0 0  4 0 3  4 4 3  4 4 0
+walls polygon back 0 0 12 0 4 0  4 4 0  4 4 3  0 4 3
+walls sphere ball 0 0 4 2.5 2.5 .5 .5
+glow ring lamp 0 0 8 2 2 2.9  0 0 -1  0 .5
+"""
+
 
 class Sweep(Case):
     """One sweep over every kind of workload, looked at from all sides."""
@@ -440,7 +453,8 @@ class Pareto(Case):
 
     def test_fields_of_every_entry(self):
         always = {"scene", "method", "integrator", "cache", "width", "height", "frame", "seed", "seconds",
-                  "seconds_indirect", "rays", "rmse", "relmse", "flip", "hdrvdp_p75", "hdrvdp_p95", "mean_ratio",
+                  "seconds_indirect", "rays", "rmse", "relmse", "relmse_scale", "full_relmse_scale", "flip",
+                  "hdrvdp_p75", "hdrvdp_p95", "mean_ratio",
                   "full_rmse", "full_relmse", "full_flip", "full_mean_ratio", "reference_spp", "reference_rmse",
                   "reference_relmse", "full_reference_relmse", "below_reference", "real_time", "cpu_time", "threads"}
         own = {"path": {"spp"}, "hash_cells": {"spp", "cell_size", "records"},
@@ -509,6 +523,27 @@ class Pareto(Case):
                     self.assertEqual(error[chosen], min(mine))
                     self.assertLessEqual(seconds[chosen], limit)
                     self.assertGreater(min(self.shots[picture["image"]], self.shots[picture["map"]]), 0)
+
+    def test_relmse_does_not_depend_on_how_bright_the_light_is(self):
+        """Every method, in a room and in the same with 1,000 times the light: with the epsilon as it is for pictures
+        about as bright as white, the dark one's would be its squared error.
+        """
+        def room(light):
+            (self.folder / "room.rad").write_text(ROOM.format(light))
+            self.succeed(*small_pareto(scene="room.rad", methods="all", size="12x12", threads=1,
+                                       **{"reference-spp": 16}, out="r.json"))
+            return {row["name"]: row for row in self.load("r.json")["benchmarks"]}
+
+        dim, bright = room(0.02), room(20)
+        self.assertEqual(dim.keys(), bright.keys())
+        self.assertLess(next(iter(dim.values()))["reference_rmse"], 0.01)
+        for name, row in dim.items():
+            self.assertAlmostEqual(row["relmse_scale"] / bright[name]["relmse_scale"], 1000, delta=0.1)
+            self.assertAlmostEqual(bright[name]["rmse"] / row["rmse"], 1000, delta=1, msg=name)
+            for field in "relmse", "full_relmse", "reference_relmse", "full_reference_relmse":
+                self.assertAlmostEqual(bright[name][field] / row[field], 1, delta=1e-3, msg=(name, field))
+            # The epsilon weighs little: each pixel counts by its own brightness.
+            self.assertGreater(row["relmse"], 20 * row["rmse"] ** 2, name)
 
     def test_errors_do_not_depend_on_threads_where_nothing_is_raced_for(self):
         self.succeed(*small_pareto(repetitions=3, threads=3, **{"reference-spp": 64}, out="many.json"))

@@ -76,6 +76,28 @@ TEST(Metrics, RelmseOfABlackReferenceIsFinite) {
   EXPECT_NEAR(figure(relmse, constant(3, 3, 0.0f), constant(3, 3, 0.1f)), 1.0, 1e-6);
 }
 
+TEST(Metrics, ScaledRelmseIsThatOfPicturesOfMeanLuminanceOneHoweverBrightTheLight) {
+  Image reference = constant(8, 4, 0.5f), image = reference;
+  for (std::size_t i = 0; i < reference.pixels.size(); ++i) {
+    reference.pixels[i] = {i % 2 ? 1.5f : 0.5f, i % 2 ? 1.25f : 0.75f, i % 3 ? 1.0f : 0.0f};
+    image.pixels[i] = 1.125f * reference.pixels[i] + 0.0625f;
+  }
+  const double scale = relmse_scale(reference);
+  const auto times = [](Image pixels, double factor) {
+    for (glm::vec3& L : pixels.pixels) L *= static_cast<float>(factor);
+    return pixels;
+  };
+  const Image one = times(reference, scale);
+  EXPECT_NEAR(relmse_scale(one), 1.0, 1e-6);
+  EXPECT_NEAR(relmse_scale(constant(2, 2, 4.0f)), 0.25, 1e-9);
+  const double expected = figure(relmse, one, times(image, scale));
+  for (const double brightness : {1e-3, 1.0, 1e3}) {
+    EXPECT_NEAR(scaled_relmse(times(reference, brightness), times(image, brightness)) / expected, 1.0, 1e-5);
+  }
+  const Image black = constant(3, 3, 0.0f), grey = constant(3, 3, 0.1f);
+  EXPECT_EQ(scaled_relmse(black, grey), figure(relmse, black, grey));
+}
+
 TEST(Metrics, BlocksAverageNoiseOut) {
   const Image reference = constant(16, 12, 2.0f);
   Image image = reference;

@@ -11,13 +11,16 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from plots_support import few_caches, model_results, model_simulated, write_results
+from plots_support import few_caches, model_pareto, model_results, model_simulated, write_results
 
 import browser
 import choice
 import choice_page
+import pareto_choice
+import pareto_results
 import report
 import results
+import style
 
 kSkipped = 77  # the exit status that ctest takes for that
 kWorkloads = ("mix_90_10:order=hot_spot", "miss_driven:cost=1", "miss_driven:cost=16", "miss_driven:cost=64")
@@ -36,14 +39,23 @@ class InBrowser(unittest.TestCase):
         for row in imagined["benchmarks"]:
             if (row["cache"], row["workload"]) == ("packed_shared_mutex", kWorkloads[-1]):
                 row["validated_to_threads"] = 2
+        # Two scenes, in one of them nothing is quick; runs so far apart that methods cannot be told apart.
+        rooms = {"path": [(0.03, 0.6), (0.1, 0.2), (1.0, 0.02)], "instant_gi": [(0.04, 0.21), (0.5, 0.019)],
+                 "hash_cells": [(0.035, 0.25), (0.2, 0.03)]}
+        halls = {"path": [(0.4, 0.5), (4.0, 0.1)], "hash_cells": [(0.7, 0.02)]}
+        compared = [write_results(folder / "pareto_desk.json", model_pareto(("desk",), rooms, noise=0.1)),
+                    write_results(folder / "pareto_sibenik.json", model_pareto(("sibenik",), halls, noise=0.01))]
+        cls.points = pareto_results.points(pareto_results.load(compared)[0])
         paths = [write_results(folder / "results.json", cls.data), write_results(folder / "simulated.json", imagined)]
         cls.setup = results.load(paths)[0]
         # The figures are tested elsewhere, and are most of the time that a page takes to make.
         figures, report.FIGURES[:] = report.FIGURES[:], report.FIGURES[:1]
+        fronts, report.PARETO_FIGURES[:] = report.PARETO_FIGURES[:], []
         try:
-            cls.page_file = report.build(paths, [], [], [], [], folder / "out", "test")
+            cls.page_file = report.build(paths, [], compared, [], [], folder / "out", "test")
         finally:
             report.FIGURES[:] = figures
+            report.PARETO_FIGURES[:] = fronts
         cls.browser = browser.Browser()
         cls.addClassCleanup(cls.browser.__exit__)
 
@@ -203,6 +215,58 @@ class InBrowser(unittest.TestCase):
         self.assertIn("Say how many", self.ask(x=""))
         self.assertIn("the nearest worked out", self.ask(x=100, cores=8))
 
+    def buy(self, seconds, metric=0) -> list[str]:
+        """The lines of the answer for so many seconds."""
+        self.page.value(f"""(() => {{
+            const select = document.querySelector(".budget select");
+            select.value = "{metric}";
+            select.dispatchEvent(new Event("input", {{bubbles: true}}));
+        }})()""")
+        self.page.type_over(".budget input[name=seconds]", str(seconds))
+        return self.page.value("""[...document.querySelectorAll(".budget .answer tbody tr")].map(
+            (line) => [...line.cells].map((cell) => cell.textContent).join("|"))""")
+
+    def test_any_number_of_seconds_is_answered_as_the_tables_would(self):
+        tied = 0
+        for metric, error in enumerate(("relmse", "rmse", "flip", "hdrvdp_p75")):
+            for seconds in (0.01, 0.034, 0.045, 0.15, 0.37, 0.9, 2.5, 77):
+                lines = self.buy(seconds, metric)
+                said = self.text(".budget .answer")
+                if seconds < 0.02:
+                    self.assertIn(f"With {seconds} s, nothing that was measured is fast enough", said)
+                for line, (scene, part) in zip(lines, self.points.groupby("scene"), strict=True):
+                    found = pareto_choice.answer(part, seconds, error)
+                    self.assertTrue(line.startswith(scene), line)
+                    if not found:
+                        self.assertIn("nothing is that fast: path (setting 0) takes", line)
+                        continue
+                    cells = line.split("|")
+                    name, best = pareto_choice.name(found.best), found.best
+                    self.assertEqual(cells[1], f"{name}{pareto_results.setting_words(best['setting'])}")
+                    value = style.interval(best[error], best[f"{error}_from"], best[f"{error}_to"])
+                    self.assertEqual(cells[2], value + (" *" if pareto_choice.own_error(best, error) else ""))
+                    others = [f"{pareto_choice.name(o)} ({pareto_results.setting_words(o['setting'])})"
+                              for _, o in found.tied.iterrows()]
+                    self.assertEqual(cells[4], ", ".join(others) or "none")
+                    tied += bool(others)
+        self.assertGreater(tied, 0)
+        self.assertIn("Nothing that was measured takes that long", self.text(".budget .answer"))
+        self.buy("")
+        self.assertIn("Say how many seconds", self.text(".budget .answer"))
+        self.assertEqual(self.page.complaints(), [])
+
+    def visible_tables(self) -> list[str]:
+        return self.page.value("""[...document.querySelectorAll(".by")].filter((e) => e.checkVisibility()).map(
+            (e) => e.dataset.error)""")
+
+    def test_the_picked_error_shows_its_table_and_paper_has_all(self):
+        for metric, error in enumerate(("relmse", "rmse", "flip", "hdrvdp_p75")):
+            self.buy(1, metric)
+            self.assertEqual(self.visible_tables(), [error])
+        self.page.ask("Emulation.setEmulatedMedia", media="print")
+        self.assertEqual(self.visible_tables(), ["relmse", "rmse", "flip", "hdrvdp_p75"])
+        self.assertFalse(self.page.value("document.querySelector('.budget form').checkVisibility()"))
+
     def test_narrow_windows_do_not_scroll_sideways(self):
         for width in (360, 700, 1400):
             self.page.resize(width, 800)
@@ -232,6 +296,8 @@ class InBrowser(unittest.TestCase):
             (s) => [s, document.querySelector(s).checkVisibility()]))""")
         self.assertEqual(shown, {".explorer": False, ".choices": True, "figure img": True})
         self.assertIn("With scripts allowed", self.text("noscript"))
+        self.assertEqual(self.visible_tables(), ["relmse", "rmse", "flip", "hdrvdp_p75"])
+        self.assertFalse(self.page.value("document.querySelector('.budget form').checkVisibility()"))
 
 
 if __name__ == "__main__":

@@ -27,12 +27,14 @@ import cautions
 import correctness
 import correctness_page
 import findings
+import pareto_choice
 import pareto_page
 import pareto_results
 import repeatability_page
 import repeatability_results
 import report
 import results
+import style
 from figures import CORRECTNESS_FIGURES, FIGURES
 
 
@@ -171,6 +173,99 @@ class Pareto(InFolder):
         self.assertIn("use hash cells (setting 0): relMSE 0.0200, where path tracing has 0.500 by then", page)
         self.assertIn("Bias is what 3 independent runs have in common", page)
 
+    def several(self) -> dict[str, dict]:
+        """Files of two scenes: in one a method of much spread, in the other nothing that is quick."""
+        rooms = {"path": [(0.03, 0.6), (0.2, 0.1), (2.0, 0.02)], "hash_cells": [(0.05, 0.04), (0.5, 0.03)],
+                 "instant_gi": [(0.06, 0.041), (0.6, 0.01)]}
+        halls = {"path": [(0.4, 0.5), (4.0, 0.1)], "hash_cells": [(0.7, 0.02)]}
+        return {"desk": model_pareto(scenes=("desk",), methods=rooms),
+                "sibenik": model_pareto(scenes=("sibenik",), methods=halls)}
+
+    def part(self, data: dict):
+        path = write_results(self.folder / "part.json", data)
+        return pareto_results.points(pareto_results.load([path])[0])
+
+    def test_several_files_make_one_table_of_scenes_and_budgets_by_every_error(self):
+        paths = [write_results(self.folder / f"pareto_{scene}.json", data) for scene, data in self.several().items()]
+        found = pareto_results.load(paths)
+        self.assertEqual(len(found), 1)
+        page = pareto_page.section(found[0], "pareto", "<figure>")
+        self.assertLess(page.index('class="budget"'), page.index("<figure>"))
+        tables = re.findall(r'<div class="by" data-error="(\w+)"><h3>([^<]+)</h3>.*?<tbody>(.*?)</tbody>', page, re.S)
+        self.assertEqual([error for error, _, _ in tables], ["relmse", "rmse", "flip", "hdrvdp_p75"])
+        points = pareto_results.points(found[0])
+        times = pareto_choice.budgets(points["seconds"])
+        self.assertEqual(times, [0.03, 0.1, 0.3, 1, 3, 10] if points["seconds"].min() <= 0.03 else [0.1, 0.3, 1, 3, 10])
+        for error, heading, body in tables:
+            self.assertTrue(heading.startswith("If you have x seconds"))
+            lines = re.findall(r"<tr>(.*?)</tr>", body, re.S)
+            self.assertEqual(len(lines), 2)
+            for line, (scene, part) in zip(lines, points.groupby("scene")):
+                self.assertIn(f"<b>{scene}</b>", line)
+                cells = [cell for span, cell in re.findall(r'<td(?: colspan="(\d+)")?>(.*?)</td>', line, re.S)
+                         for _ in range(int(span or 1))]
+                self.assertEqual(len(cells), len(times))
+                for time, cell in zip(times, cells):
+                    fast = part[part["seconds"] <= time]
+                    if fast.empty:
+                        self.assertEqual(cell, "–")
+                        continue
+                    least = fast.loc[fast[error].idxmin()]
+                    self.assertIn(f"<b>{least['method'].replace('_', ' ')}</b>", cell)
+                    self.assertIn(style.number(least[error]), cell)
+                    self.assertIn(f"[{style.number(least[error + '_low'])}, ", cell)
+
+    def test_what_the_runs_do_not_tell_apart_is_named_and_nothing_else(self):
+        one = {"path": [(0.1, 0.1)], "hash_cells": [(0.1, 0.0999)], "instant_gi": [(0.1, 0.5)],
+               "late": [(3.0, 0.0999)]}
+        data = model_pareto(scenes=("desk",), methods=one, noise=0.0)
+        for row in data["benchmarks"]:
+            row["relmse"] *= 1 + 0.01 * (row["repetition_index"] - 1)  # runs 1 % apart: more than the two differ
+        found = pareto_choice.answer(self.part(data), 1.0, "relmse")
+        self.assertEqual(found.best["method"], "hash_cells")
+        self.assertEqual(list(found.tied["method"]), ["path"])
+        self.assertIn("≈ path</span>", self.page(data))
+        for row in data["benchmarks"]:
+            row["relmse"] *= 0.95 if row["method"] == "hash_cells" else 1
+        self.assertTrue(pareto_choice.answer(self.part(data), 1.0, "relmse").tied.empty)
+
+    def test_two_runs_have_a_spread_and_one_has_none(self):
+        one = {"path": [(0.1, 0.1)], "hash_cells": [(0.1, 0.1)]}
+        two = self.part(model_pareto(scenes=("desk",), methods=one, repetitions=2)).iloc[0]
+        self.assertTrue(two["relmse_from"] < two["relmse"] < two["relmse_to"])
+        single = self.part(model_pareto(scenes=("desk",), methods=one, repetitions=1))
+        self.assertTrue(single["relmse_from"].isna().all())
+        self.assertTrue(pareto_choice.answer(single, 1.0, "relmse").tied.empty)
+        self.assertIn("ran once, so that nobody knows", self.page(model_pareto(methods=one, repetitions=1)))
+
+    def test_of_equal_errors_the_fastest_is_named(self):
+        equal = {"path": [(0.9, 0.1), (0.2, 0.1), (0.5, 0.1)]}
+        part = self.part(model_pareto(scenes=("desk",), methods=equal, noise=0.0))
+        self.assertEqual(pareto_choice.answer(part, 1.0, "relmse").best["seconds"], 0.2)
+        self.assertIsNone(pareto_choice.answer(part, 0.1, "relmse"))
+
+    def test_the_page_says_whether_relmse_depends_on_brightness(self):
+        self.assertIn("both pictures are scaled by 1 / mean luminance", self.page(model_pareto()))
+        old = model_pareto()
+        for row in old["benchmarks"]:
+            del row["relmse_scale"]
+        self.assertIn("Some file has the relMSE of pictures as bright as they are", self.page(old))
+
+    def test_a_file_that_cannot_be_read_costs_no_other_scene(self):
+        small, out = self.small(), self.folder / "out"
+        for scene, data in self.several().items():
+            write_results(self.folder / f"pareto_{scene}.json", data)
+        (self.folder / "pareto_office.json").write_text('{"context": {}, "benchmarks": []}')
+        done = run("report.py", small, "--out", out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stderr, r"^report\.py: left out: [^\n]+pareto_office\.json: no rows[^\n]+\n$")
+        page = (out / "report.html").read_text(encoding="utf-8")
+        self.assertIn("<b>desk</b>", page)
+        self.assertIn("<b>sibenik</b>", page)
+        self.assertRegex(page, r"Left out: [^<]+pareto_office\.json")
+        named = run("report.py", small, "--pareto", self.folder / "pareto_office.json", "--out", out)
+        self.assertEqual(named.returncode, 2)
+
     def test_pictures_stand_side_by_side_with_their_errors(self):
         data = model_pareto(scenes=("cornell_box",))
         data["context"]["images"] = "shots"
@@ -189,7 +284,8 @@ class Pareto(InFolder):
         self.assertIn("<b>hash cells</b>: no setting is that fast", page)
 
     def test_an_incomplete_run_stands_out(self):
-        self.assertIn("Incomplete: this part", self.page(model_pareto(complete=False)))
+        page = self.page(model_pareto(complete=False))
+        self.assertRegex(page, r"Incomplete: this part [^<]+\(pareto\.json\)")
 
     def test_every_wrong_file_is_one_line_and_status_2(self):
         no_time = model_pareto()
@@ -656,6 +752,29 @@ class MainJob(InFolder):
         self.assertIn("more-cores", page)
         self.assertEqual(json.loads((self.out / "run.json").read_text()) | {"start": "", "end": ""},
                          {"mode": "quick", "commit": "unknown", "start": "", "end": ""})
+
+    def test_a_scene_that_fails_loses_nothing_and_is_taken_up_again(self):
+        self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
+        program = self.root / "build/release/bin/icbench"
+        sound = program.read_text()
+        program.write_text(sound.replace("\n[[ $1 != sweep ]]", '\necho "$*" >>"$CALLS"\n'
+                                         '[[ $1 != pareto || " $* " != *" cornell_box "* ]] || exit 1\n[[ $1 != sweep ]]'))
+        done = self.job()
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("not measured on cornell_box;", done.stderr)
+        self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
+        self.assertIn("<b>sibenik</b>", (self.out / "report.html").read_text())
+        self.assertIn("icbench simulate", self.calls.read_text())
+        self.assertTrue((self.out / "pareto_sibenik.json").exists())
+        self.assertFalse((self.out / "run.json").exists())
+        program.write_text(sound.replace("\n[[ $1 != sweep ]]", '\necho "$*" >>"$CALLS"\n[[ $1 != sweep ]]'))
+        done = self.job()
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for scene in ("cornell_box", "sibenik"):
+            self.assertRegex(self.calls.read_text(),
+                             f"pareto --scene {scene} .*--out [^ ]*pareto_{scene}.json .*--resume")
+        self.assertTrue((self.out / "run.json").exists())
+        self.assertTrue((self.out / "pareto_sibenik.json").exists())
 
     def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')

@@ -217,7 +217,7 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
                         "relmse": error, "rmse": error**0.5 / 10, "flip": error**0.5 / 5,
                         "hdrvdp_p75": min(100.0, 500 * error), "hdrvdp_p95": min(100.0, 300 * error),
                         "mean_ratio": 1.0, "full_rmse": error, "full_relmse": error + 0.01, "rays": 1000,
-                        "reference_spp": 64, "reference_rmse": 0.001, "reference_relmse": 0.003,
+                        "reference_spp": 64, "reference_rmse": 0.001, "reference_relmse": 0.003, "relmse_scale": 2.5,
                         "below_reference": error < 0.006}
                         | ({"bias": 0.01, "deviation": 0.02, "bias_runs": repetition + 1} if repetition else {}))
     return {"context": kContext | context, "benchmarks": rows}

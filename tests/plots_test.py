@@ -305,7 +305,7 @@ class Pareto(InFolder):
             self.assertAlmostEqual(float(line["seconds"]), np.median([r["seconds_indirect"] for r in mine]))
             self.assertAlmostEqual(float(line["relmse"]), np.median([r["relmse"] for r in mine]))
             self.assertEqual(float(line["bias_runs"]), 3)
-            for error in ("relmse", "flip", "hdrvdp_p75", "full_relmse"):
+            for error in ("relmse", "rmse", "flip", "hdrvdp_p75", "full_relmse"):
                 beaten = any(o["scene"] == line["scene"] and float(o["seconds"]) < float(line["seconds"])
                              and float(o[error]) < float(line[error]) for o in lines)
                 self.assertEqual(line[f"front_{error}"], str(not beaten), (name, error))
@@ -319,7 +319,7 @@ class Pareto(InFolder):
         self.assertEqual(len({one.slug for one in found}), 2)
         plates = pareto.build(found[0]).plates
         self.assertEqual([panel.title for panel in plates[0].panels], ["desk", "office"])
-        self.assertEqual([plate.slug for plate in plates], ["relmse", "flip", "hdrvdp_p75"])
+        self.assertEqual([plate.slug for plate in plates], ["relmse", "rmse", "flip", "hdrvdp_p75"])
 
 
 class Time(InFolder):

@@ -201,6 +201,7 @@ void pareto_command(const ParetoOptions& o) {
   info.seed = o.seed;
   info.thread_counts = {threads};
   Json context = environment(topology, info);
+  context["relmse_of"] = "pictures scaled by 1 / mean luminance of the reference";
   std::vector<std::string> settings;
   for (const ParetoPoint& p : points) settings.push_back(fmt::format("{}/{}", p.method->name, setting_of(p)));
   const Json configuration{{"command", "pareto"},
@@ -251,7 +252,9 @@ void pareto_command(const ParetoOptions& o) {
 void add_pareto(CLI::App& app) {
   const auto o = std::make_shared<ParetoOptions>();
   CLI::App* pareto =
-      app.add_subcommand("pareto", "Measure speed against error of every method over its parameters");
+      app.add_subcommand("pareto",
+                         "Measure speed against error of every method over its parameters.\n"
+                         "relMSE is of pictures scaled by 1 / mean luminance of the reference.");
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return pareto->add_option(name, value, help)->capture_default_str();
   };

@@ -237,7 +237,7 @@ ParetoStudy::ParetoStudy(const ParetoRequest& request, const std::function<void(
   }
   full_ = mean_of(halves[0], halves[1]);
   // As far as a half lies from the mean of both, the mean lies from the truth, in expectation.
-  full_relmse_ = 0.5 * (figure(relmse, full_, halves[0]) + figure(relmse, full_, halves[1]));
+  full_relmse_ = 0.5 * (scaled_relmse(full_, halves[0]) + scaled_relmse(full_, halves[1]));
 }
 
 std::string ParetoStudy::name_of(const ParetoPoint& point) const {
@@ -325,8 +325,9 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   if (integrator.needs_cache() || integrator.uses_cells) c["records"] = cost.pass.records;
 
   c["rmse"] = figure(rmse, reference_.indirect, made.indirect);
-  const double error = figure(relmse, reference_.indirect, made.indirect);
+  const double error = scaled_relmse(reference_.indirect, made.indirect);
   c["relmse"] = error;
+  c["relmse_scale"] = relmse_scale(reference_.indirect);
   c["mean_ratio"] = figure(mean_ratio, reference_.indirect, made.indirect);
   const Image seen = under_direct_light(made.indirect), truth = reference_view();
   c["flip"] = flip(truth, seen, nullptr, {}).front().value;
@@ -334,14 +335,15 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
     c[fmt::format("hdrvdp_{}", part.name)] = part.value;
   }
   c["full_rmse"] = figure(rmse, full_, made.picture);
-  c["full_relmse"] = figure(relmse, full_, made.picture);
+  c["full_relmse"] = scaled_relmse(full_, made.picture);
+  c["full_relmse_scale"] = relmse_scale(full_);
   c["full_mean_ratio"] = figure(mean_ratio, full_, made.picture);
   c["full_flip"] = flip(full_, made.picture, nullptr, {}).front().value;
   c["reference_spp"] = reference_.spp;
   c["reference_rmse"] = reference_.rmse;
-  c["reference_relmse"] = reference_.relmse;
+  c["reference_relmse"] = reference_.scaled_relmse;
   c["full_reference_relmse"] = full_relmse_;
-  c["below_reference"] = error - reference_.relmse < reference_.relmse;
+  c["below_reference"] = error - reference_.scaled_relmse < reference_.scaled_relmse;
   if (errors.runs() >= 2) {
     // All runs share the reference, and with it its error.
     const double bias2 = errors.bias_squared() - reference_.rmse * reference_.rmse;

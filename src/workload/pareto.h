@@ -4,6 +4,9 @@
 // path-traced indirect light at the very same hits. So neither edges nor direct light count as error of a method.
 // Beside that stands the error of the whole picture against path tracing with samples all over the pixel.
 //
+// relMSE is of pictures scaled by 1 / mean luminance of the reference: its epsilon presumes pictures about as bright as
+// white, and would else judge scenes of little light by their squared error.
+//
 // Every reference carries its own error, from two independent halves. Runs of a setting are independent of each other;
 // what they have in common is bias, what sets them apart is variance.
 #pragma once

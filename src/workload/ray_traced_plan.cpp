@@ -57,6 +57,7 @@ Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std:
   }
   // A half lies as far from the mean of both, in expectation, as that mean lies from the truth.
   out.relmse = 0.5 * (figure(relmse, out.indirect, halves[0]) + figure(relmse, out.indirect, halves[1]));
+  out.scaled_relmse = 0.5 * (scaled_relmse(out.indirect, halves[0]) + scaled_relmse(out.indirect, halves[1]));
   out.rmse = figure(rmse, out.indirect, halves[0]);  // that of the other is the same
   return out;
 }

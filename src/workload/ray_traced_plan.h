@@ -21,6 +21,7 @@ struct Reference {
       0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
   double rmse = 0.0;  ///< likewise, W/(m^2 sr)
   std::uint32_t spp = 0;
+  double scaled_relmse = 0.0;  ///< likewise as relmse, of pictures scaled to mean luminance 1
 };
 
 /// Primary hits through the pixel centres, by all processors.
