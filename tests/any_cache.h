@@ -22,11 +22,14 @@ namespace icbench {
 class AnyCache {
  public:
   using Visitor = std::function<void(const Record&, float)>;
+  /// The same of a batch, told which of its points.
+  using BatchVisitor = std::function<void(std::size_t, const Record&, float)>;
 
   /// The operations of one session.
   struct SessionFunctions {
     virtual ~SessionFunctions() = default;
     virtual void visit(const SurfacePoint& x, const Visitor& f) = 0;
+    virtual void visit_batch(std::span<const SurfacePoint> points, const BatchVisitor& f) = 0;
     virtual std::optional<Irradiance> query(const SurfacePoint& x) = 0;
     virtual void query_batch(std::span<const SurfacePoint> points,
                              std::span<std::optional<Irradiance>> out) = 0;
@@ -58,6 +61,9 @@ class AnyCache {
     explicit Session(std::unique_ptr<SessionFunctions> functions) : functions_(std::move(functions)) {}
 
     void visit(const SurfacePoint& x, const Visitor& f) { functions_->visit(x, f); }
+    void visit_batch(std::span<const SurfacePoint> points, const BatchVisitor& f) {
+      functions_->visit_batch(points, f);
+    }
     std::optional<Irradiance> query(const SurfacePoint& x) { return functions_->query(x); }
     void query_batch(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) {
       functions_->query_batch(points, out);
@@ -99,6 +105,9 @@ class TestedCache final : public AnyCache::CacheFunctions {
     explicit Session(const typename Cache::Session& session) : session_(session) {}
 
     void visit(const SurfacePoint& x, const AnyCache::Visitor& f) override { session_.visit(x, f); }
+    void visit_batch(std::span<const SurfacePoint> points, const AnyCache::BatchVisitor& f) override {
+      session_.visit_batch(points, Told{f});
+    }
     std::optional<Irradiance> query(const SurfacePoint& x) override { return session_.query(x); }
     void query_batch(std::span<const SurfacePoint> points,
                      std::span<std::optional<Irradiance>> out) override {
@@ -107,6 +116,14 @@ class TestedCache final : public AnyCache::CacheFunctions {
     InsertResult insert(const Record& r) override { return session_.insert(r); }
 
    private:
+    /// The visitors of a batch, made as they are asked for.
+    struct Told {
+      const AnyCache::BatchVisitor& f;
+      auto operator[](std::size_t i) const {
+        return [this, i](const Record& r, float weight) { f(i, r, weight); };
+      }
+    };
+
     typename Cache::Session session_;
   };
 

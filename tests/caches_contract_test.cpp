@@ -1,12 +1,14 @@
 // The contract that every cache in the registry keeps, checked against the brute-force oracle.
 #include <barrier>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "cache_contract.h"
+#include "caches/registry.h"
 
 namespace icbench {
 namespace {
@@ -95,6 +97,110 @@ TEST_P(Contract, BatchAnswersAsSingleQueries) {
   std::vector<std::optional<Irradiance>> out(points.size());
   session.query_batch(points, out);
   for (std::size_t i = 0; i < points.size(); ++i) ASSERT_EQ(out[i], session.query(points[i])) << i;
+}
+
+/// What one visit showed, in its order.
+using Shown = std::vector<std::pair<std::uint32_t, float>>;
+
+TEST_P(Contract, ABatchOfVisitsShowsWhatVisitsShowOneByOne) {
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  const auto records = random_records(3000, 9);
+  for (std::size_t i = 0; i < 2000; ++i) session.insert(records[i]);
+  cache.end_frame();  // where there are frames, some are in the shared structure
+  cache.begin_frame();
+  for (std::size_t i = 2000; i < records.size(); ++i) session.insert(records[i]);
+  Pcg32 rng(12);
+  const float kNaN = std::numeric_limits<float>::quiet_NaN();
+  const SurfacePoint kRefused[] = {{{2, 2, 2}, {0, 0, 1}}, {{kNaN, 0, 0}, {0, 0, 1}}, {{0, 0, 0}, {0, 0, 0}}};
+  for (const std::size_t size : {0, 1, 15, 16, 17, 100}) {
+    // None that is refused, some among the others, and nothing else.
+    for (const std::uint32_t percent : {0u, 30u, 100u}) {
+      std::vector<SurfacePoint> points;
+      for (std::size_t i = 0; i < size; ++i)
+        points.push_back(rng.below(100) < percent ? kRefused[i % 3] : random_surface_point(rng));
+      std::vector<Shown> single(size), batch(size);
+      const Counts before = cache.counters();
+      for (std::size_t i = 0; i < size; ++i)
+        session.visit(points[i], [&](const Record& r, float w) { single[i].emplace_back(r.id, w); });
+      const Counts between = cache.counters();
+      session.visit_batch(points, [&](std::size_t i, const Record& r, float w) {
+        ASSERT_TRUE(is_intact(r));
+        batch.at(i).emplace_back(r.id, w);
+      });
+      const Counts after = cache.counters();
+      ASSERT_EQ(batch, single) << size << " points, " << percent << " % refused";
+      for (const auto count : {&Counts::queries, &Counts::invalid_queries, &Counts::records_valid})
+        ASSERT_EQ(after.*count - between.*count, between.*count - before.*count) << size << " points";
+    }
+  }
+}
+
+TEST(Batches, OfAPackedStructureUnderALockTakeItOnceForSixteen) {
+  CacheConfig config;
+  config.capacity = 1000;
+  AnyCache cache(tested<PackedGlobalMutex<WithCounters>>(), config);
+  auto session = cache.open_session(0);
+  const std::vector<SurfacePoint> points(100, {{0.5f, 0.5f, 0.0f}, {0, 0, 1}});
+  session.visit_batch(points, [](std::size_t, const Record&, float) {});
+  EXPECT_EQ(cache.counters().lock_acquisitions, 7u);
+}
+
+TEST_P(Contract, BatchesSeeWhatReturnedBeforeWhileOthersInsert) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::size_t kBefore = 300, kEach = kSanitized ? 150 : 400;
+  constexpr std::size_t kSizes[] = {1, 15, 16, 17, 100};
+  AnyCache cache(GetParam(), config());
+  const auto records = random_records(static_cast<std::uint32_t>(kBefore + kEach * threads()), 14);
+  std::vector<AnyCache::Session> sessions;
+  for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
+  for (std::size_t i = 0; i < kBefore; ++i) sessions[0].insert(records[i]);
+  cache.end_frame();
+  cache.begin_frame();
+  {
+    std::barrier start(static_cast<std::ptrdiff_t>(threads()));
+    std::vector<std::jthread> team;
+    for (std::uint32_t t = 0; t < threads(); ++t) {
+      team.emplace_back([&, t] {
+        const std::size_t first = kBefore + t * kEach;
+        Pcg32 rng(hash_keys(15, t));
+        start.arrive_and_wait();
+        for (std::size_t i = 0; i < kEach; ++i) {
+          ASSERT_EQ(sessions[t].insert(records[first + i]), InsertResult::inserted);
+          if (i % 10 != 0) continue;
+          // The first point of a batch is where this thread has just inserted.
+          const Record& own = records[first + i];
+          std::vector<SurfacePoint> points{{own.p, own.n}};
+          while (points.size() < kSizes[i / 10 % std::size(kSizes)])
+            points.push_back(random_surface_point(rng));
+          std::vector<std::vector<std::uint32_t>> ids(points.size());
+          sessions[t].visit_batch(points, [&](std::size_t k, const Record& r, float) {
+            ASSERT_TRUE(is_intact(r));
+            ids[k].push_back(r.id);
+          });
+          for (std::size_t k = 0; k < points.size(); ++k) {
+            std::sort(ids[k].begin(), ids[k].end());
+            ASSERT_EQ(std::adjacent_find(ids[k].begin(), ids[k].end()), ids[k].end()) << "shown twice";
+            for (std::size_t r = 0; r < records.size(); ++r) {
+              const bool is_due = r < kBefore || (r >= first && r <= first + i);
+              if (!is_due || !(split_sphere_weight(points[k], records[r], cache.config().a) > 0.0f)) continue;
+              ASSERT_TRUE(std::binary_search(ids[k].begin(), ids[k].end(), records[r].id));
+            }
+          }
+        }
+      });
+    }
+  }
+  cache.end_frame();
+  std::vector<SurfacePoint> points;
+  Pcg32 rng(16);
+  for (int i = 0; i < 100; ++i) points.push_back(random_surface_point(rng));
+  std::vector<std::vector<std::uint32_t>> ids(points.size());
+  sessions[0].visit_batch(points, [&](std::size_t i, const Record& r, float) { ids[i].push_back(r.id); });
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    std::sort(ids[i].begin(), ids[i].end());
+    EXPECT_EQ(ids[i], oracle(records, points[i], cache.config().a));
+  }
 }
 
 TEST_P(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {

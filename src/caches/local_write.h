@@ -115,6 +115,9 @@ class LocalWrite {
     return bytes;
   }
 
+  /// Queries under way at once in a batch, where the structure does that.
+  static constexpr std::size_t kBatch = batch_of<SharedStructure>();
+  static_assert(batch_of<LocalStructure>() == kBatch, "a batch goes to both structures");
   /// Step bounds (caches/session.h).
   std::uint32_t insert_steps(const Record& r) const noexcept {
     // A session's own structure is addressed as the shared one is.
@@ -144,6 +147,12 @@ class LocalWrite {
   void visit(State& s, const SurfacePoint& x, F&& f) noexcept {
     shared_.visit(x, config_.a, s.counters, f);
     s.local->visit(x, config_.a, s.counters, f);
+  }
+
+  template <class Visitors>
+  void visit_batch(State& s, std::span<const SurfacePoint> points, Visitors visitors) noexcept {
+    shared_.visit_batch(points, config_.a, s.counters, visitors);
+    s.local->visit_batch(points, config_.a, s.counters, visitors);
   }
 
   bool insert(State& s, const Record& r) noexcept {

@@ -107,6 +107,7 @@ using AppendLogCache = AppendLog<PlainPacked, StdSync, Counters>;
 
 #define ICBENCH_CHECK(id, Type)                                                            \
   static_assert(IrradianceCache<Type<NoCounters>>, #id " does not model IrradianceCache"); \
+  static_assert(BatchSession<Type<NoCounters>::Session>, #id " takes no batches");         \
   static_assert(Type<NoCounters>::kTraits.name == #id, "registry name and kTraits.name differ: " #id);
 ICBENCH_CACHES(ICBENCH_CHECK)
 #undef ICBENCH_CHECK

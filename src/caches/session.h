@@ -3,13 +3,16 @@
 //
 // A cache provides visit(state, x, f) and insert(state, r) on its own per-session State; Session puts the
 // checks of bad input, the interpolating query and the counters in front, once for all caches. `query` is
-// `visit` with the Interpolator, so a test that records what visit was shown tests the code that ships.
+// `visit` with the Interpolator, so a test that records what visit was shown tests the code that ships. The same holds
+// of `query_batch` and `visit_batch` (core/cache.h, BatchSession): one visit after the other, or, in caches that have a
+// visit_batch(state, points, visitors), up to kBatch side by side.
 //
 // Step bounds. A step is one operation on an atomic word, a read-modify-write included. A structure that is wait-free
 // says in numbers what that means: an insert of r takes at most insert_steps(r) steps; a visit reads how far each list
 // reaches once, of kMostLists lists at most, and takes at most kVisitSteps and, for a list that reached to `extent`
-// then, list_steps(extent). kInsertBound and kVisitBound say the same in words. The caches on top add what is their
-// own; stress/README.md tells how the bounds are checked.
+// then, list_steps(extent). kInsertBound and kVisitBound say the same in words. A batch takes at most the sum of its
+// visits, and reads as many lists as they may together. The caches on top add what is their own; stress/README.md tells
+// how the bounds are checked.
 #pragma once
 
 #include <algorithm>
@@ -25,6 +28,16 @@
 #include "core/sync.h"
 
 namespace icbench {
+
+/// Queries that a structure or a cache can have under way at once: 1 if it has no visit_batch.
+template <class Structure>
+constexpr std::size_t batch_of() noexcept {
+  if constexpr (requires { Structure::kBatch; }) {
+    return Structure::kBatch;
+  } else {
+    return 1;
+  }
+}
 
 /// Handle by which one thread uses a cache. Cheap to copy; use it in one thread at a time.
 template <class Cache, class State>
@@ -50,14 +63,28 @@ class Session {
     return E;
   }
 
+  /// `visit` for each of `points`, with visitors[i] for points[i] (core/cache.h, BatchSession).
+  template <class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, Visitors&& visitors) noexcept {
+    if constexpr (kAtOnce > 1) {
+      for (std::size_t i = 0; i < points.size(); i += kAtOnce)
+        visit_some(points.subspan(i, std::min(kAtOnce, points.size() - i)), i, visitors);
+    } else {
+      for (std::size_t i = 0; i < points.size(); ++i) visit(points[i], visitors[i]);
+    }
+  }
+
+  /// `query` for each of `points`.
   void query_batch(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {
-    if constexpr (requires {
-                    requires Cache::kBatch >
-                    1;
-                  }) {
-      for (std::size_t i = 0; i < points.size(); i += Cache::kBatch) {
-        const std::size_t n = std::min(Cache::kBatch, points.size() - i);
-        query_some(points.subspan(i, n), out.subspan(i, n));
+    if constexpr (kAtOnce > 1) {
+      for (std::size_t i = 0; i < points.size(); i += kAtOnce) {
+        const std::size_t n = std::min(kAtOnce, points.size() - i);
+        std::array<Interpolator, kAtOnce> interpolators;
+        visit_some(points.subspan(i, n), 0, interpolators);
+        for (std::size_t k = 0; k < n; ++k) {
+          out[i + k] = interpolators[k].result();
+          state_->counters.template add<&Counts::hits>(out[i + k].has_value());
+        }
       }
     } else {
       for (std::size_t i = 0; i < points.size(); ++i) out[i] = query(points[i]);
@@ -84,26 +111,32 @@ class Session {
   std::uint64_t lock_wait_ns() const noexcept { return state_->counters.counts().lock_wait_ns; }
 
  private:
-  /// `query` for as many points as the cache can have under way at once, or fewer.
-  void query_some(std::span<const SurfacePoint> points, std::span<std::optional<Irradiance>> out) noexcept {
+  static constexpr std::size_t kAtOnce = batch_of<Cache>();
+
+  /// The visitors of those points of a batch that can be asked.
+  template <class Visitors>
+  struct Chosen {
+    Visitors& visitors;
+    const std::size_t* which;
+    decltype(auto) operator[](std::size_t i) const noexcept { return visitors[which[i]]; }
+  };
+
+  /// `visit` for as many points as the cache can have under way at once, or fewer; visitors[first] is the first's.
+  template <class Visitors>
+  void visit_some(std::span<const SurfacePoint> points, std::size_t first, Visitors& visitors) noexcept {
     auto& counters = state_->counters;
     counters.template add<&Counts::queries>(points.size());
-    std::array<SurfacePoint, Cache::kBatch> askable;
-    std::array<std::size_t, Cache::kBatch> which;
-    std::array<Interpolator, Cache::kBatch> interpolators;
+    std::array<SurfacePoint, kAtOnce> askable;
+    std::array<std::size_t, kAtOnce> which;
     std::size_t n = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      out[i] = std::nullopt;
       if (!is_askable(points[i], cache_->config().bounds)) continue;
       askable[n] = points[i];
-      which[n++] = i;
+      which[n++] = first + i;
     }
     counters.template add<&Counts::invalid_queries>(points.size() - n);
-    cache_->visit_batch(*state_, std::span(askable).first(n), std::span(interpolators));
-    for (std::size_t i = 0; i < n; ++i) {
-      out[which[i]] = interpolators[i].result();
-      counters.template add<&Counts::hits>(out[which[i]].has_value());
-    }
+    cache_->visit_batch(*state_, std::span<const SurfacePoint>(askable).first(n),
+                        Chosen<Visitors>{visitors, which.data()});
   }
 
   Cache* cache_;
@@ -157,16 +190,6 @@ class SessionTable {
   std::uint32_t size_;
   std::unique_ptr<Slot[]> slots_;
 };
-
-/// Queries that `Structure` can have under way at once: 1 if it has no visit_batch.
-template <class Structure>
-constexpr std::size_t batch_of() noexcept {
-  if constexpr (requires { Structure::kBatch; }) {
-    return Structure::kBatch;
-  } else {
-    return 1;
-  }
-}
 
 /// Bytes that a structure has whatever is in it, beside what its workspaces allocate.
 template <class Structure>

@@ -146,6 +146,34 @@ concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r,
   noexcept;
 };
 
+/// What a visitor looks like; for concepts.
+struct AnyVisitor {
+  void operator()(const Record&, float) const noexcept {}
+};
+
+/// A session that takes many visits in one call, as all sessions of caches/session.h do: a structure that can have
+/// several under way at once lets one go on while another waits for memory.
+///
+/// visit_batch(points, visitors) calls visitors[i](record, weight) for every record valid at points[i], each once, and
+/// returns when all are done. `visitors`: a span, or whatever else can be indexed so. Any number of points, none
+/// included; those at which a query is refused are counted and shown nothing.
+///
+///   Order. A visitor sees its records in the order in which `visit` would show them if the cache held what it does
+///   now. Calls to different visitors may take turns in any way, all in the caller's thread.
+///
+///   Consistency. Each visit of a batch is a query of its own: it takes effect by itself, as the cache declares of a
+///   query, between the call of visit_batch and its return, and in no order among those of the batch. The batch as a
+///   whole is no snapshot: two of its visits may see different states, in a linearizable cache too.
+///
+///   Steps and progress. At most the sum of what its visits may take one by one; wait-free if they are. A lock
+///   around the structure may be held for several visits together.
+template <class S>
+concept BatchSession = CacheSession<S> &&
+    requires(S s, std::span<const SurfacePoint> points, std::span<AnyVisitor> visitors) {
+  { s.visit_batch(points, visitors) }
+  noexcept;
+};
+
 template <class C>
 concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config, std::uint32_t thread) {
   { C::kTraits } -> std::convertible_to<CacheTraits>;

@@ -3,7 +3,8 @@
 //
 // Templated on the cache's session so that dispatch happens once per tile, never per operation; all else is compiled
 // once. Random numbers of a gather depend on seed, frame, sample and pixel; which pixels gather depends on what the
-// cache holds when they ask, hence on the schedule.
+// cache holds when they ask, hence on the schedule. Hits ask one by one, never in a batch: a miss inserts a record that
+// answers the hits around it, and those asked together with it would each have one of their own made.
 #pragma once
 
 #include <cstdint>

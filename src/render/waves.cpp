@@ -29,11 +29,12 @@ bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
 
 }  // namespace
 
-Reply Answers::settle(const SurfacePoint& x) noexcept {
-  std::sort(found_.begin(), found_.end(),
+Reply Answers::settle(std::size_t i, const SurfacePoint& x) noexcept {
+  std::vector<Answer>& found = found_[i];
+  std::sort(found.begin(), found.end(),
             [](const Answer& a, const Answer& b) { return comes_before(a.record, b.record); });
   const auto sum_by = [&](auto sum) {
-    for (const Answer& a : found_) sum(a.record, a.weight);
+    for (const Answer& a : found) sum(a.record, a.weight);
     return sum.result();
   };
   Reply reply{shapes_ == nullptr              ? sum_by(Interpolator{})
@@ -41,12 +42,12 @@ Reply Answers::settle(const SurfacePoint& x) noexcept {
                                               : sum_by(Extrapolator(*shapes_, x)),
               std::numeric_limits<float>::infinity()};
   if (shapes_ != nullptr && shapes_->clamps_to_neighbours()) {
-    for (const Answer& a : found_) reply.most_R = std::min(reply.most_R, allowed_by_neighbour(a.record, x.p));
+    for (const Answer& a : found) reply.most_R = std::min(reply.most_R, allowed_by_neighbour(a.record, x.p));
   }
   if (source_.wants_use()) {
-    for (const Answer& a : found_) source_.used(a.record);
+    for (const Answer& a : found) source_.used(a.record);
   }
-  found_.clear();
+  found.clear();
   return reply;
 }
 

@@ -4,7 +4,8 @@
 // Left to itself a cached pass is a race by design: which pixel finds which record depends on who came first. Here the
 // image is worked on in waves, from a coarse lattice of pixels to all of them. In a wave
 //
-//   ask       every pixel queries the cache in parallel; nobody inserts meanwhile, so that all find the same records
+//   ask       every pixel queries the cache in parallel; nobody inserts meanwhile, so that all find the same records,
+//             and pixels may ask in batches (core/cache.h, BatchSession)
 //
 //   make      of those that found none a few are chosen: one in each square of twice the wave's spacing, in an order
 //             that a hash of the pixel gives. Their records are made and inserted in parallel, while nobody asks
@@ -22,6 +23,7 @@
 // frames before. Records are the same but for their ids.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -43,9 +45,12 @@ struct Reply {
   float most_R = 0.0f;          ///< metres: R that the records nearby allow a new one (clamped_to_neighbours)
 };
 
-/// The records that answer one query, in an order that they alone decide.
+/// The records that answer each query of a batch, in an order that they alone decide.
 class Answers {
  public:
+  /// Queries of a batch, at most.
+  static constexpr std::size_t kAtOnce = 16;
+
   explicit Answers(RecordSource& source) : source_(source), shapes_(source.shapes()) {}
 
   /// Who traces the rays of the guard against leaks from now on, and counts them.
@@ -54,11 +59,13 @@ class Answers {
     tests_ = &tests;
   }
 
-  /// One of them, as the cache's session visits it. Out of memory ends the program.
-  void add(const Record& r, float weight) noexcept { found_.push_back({r, weight}); }
+  /// Takes those of query `i` of a batch, as the cache's session visits them. Out of memory ends the program.
+  auto operator[](std::size_t i) noexcept {
+    return [&found = found_[i]](const Record& r, float weight) noexcept { found.push_back({r, weight}); };
+  }
 
-  /// What they come to at x; forgets them.
-  Reply settle(const SurfacePoint& x) noexcept;
+  /// What those of query `i` come to at x, where it asked; forgets them.
+  Reply settle(std::size_t i, const SurfacePoint& x) noexcept;
 
  private:
   struct Answer {
@@ -70,14 +77,15 @@ class Answers {
   const RecordShapes* shapes_;
   Tracer* tracer_ = nullptr;
   LeakTests* tests_ = nullptr;
-  std::vector<Answer> found_;
+  std::array<std::vector<Answer>, kAtOnce> found_;
 };
 
 /// A cache as waves use it.
 class WaveCache {
  public:
   virtual ~WaveCache() = default;
-  /// Queries at all points, which are some dozens: `answers` is this thread's. Many threads at once, none inserting.
+  /// Queries at all points, which are some dozens, in batches: `answers` is this thread's. Many threads at once, none
+  /// inserting.
   virtual void ask(unsigned thread, std::span<const SurfacePoint> points, Answers& answers,
                    std::span<Reply> replies) noexcept = 0;
   /// Many threads at once, none asking.

@@ -165,9 +165,10 @@ class CachedPass : public IndirectPass, protected WaveCache {
   void ask(unsigned thread, std::span<const SurfacePoint> points, Answers& answers,
            std::span<Reply> replies) noexcept override {
     auto& session = workers_[thread]->session;
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      session.visit(points[i], [&](const Record& r, float weight) noexcept { answers.add(r, weight); });
-      replies[i] = answers.settle(points[i]);
+    for (std::size_t i = 0; i < points.size(); i += Answers::kAtOnce) {
+      const std::size_t n = std::min(Answers::kAtOnce, points.size() - i);
+      session.visit_batch(points.subspan(i, n), answers);
+      for (std::size_t k = 0; k < n; ++k) replies[i + k] = answers.settle(k, points[i + k]);
     }
   }
 

@@ -148,6 +148,10 @@ class TimedSession {
   void visit(const SurfacePoint& x, F&& f) noexcept {
     session_.visit(x, f);
   }
+  template <class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, Visitors&& visitors) noexcept {
+    session_.visit_batch(points, visitors);
+  }
   std::optional<Irradiance> query(const SurfacePoint& x) noexcept {
     return sampler_.run(query_ticks, session_, [&] { return session_.query(x); });
   }
