@@ -101,8 +101,11 @@ class MeanIrradiance {
   std::optional<Irradiance> result() const noexcept {
     if (!(sums_[3] > 0.0)) return std::nullopt;
     const double share = 1.0 / sums_[3];
-    return Irradiance(static_cast<float>(sums_[0] * share), static_cast<float>(sums_[1] * share),
-                      static_cast<float>(sums_[2] * share));
+    const auto mean = [&](double sum) {
+      // Rounding may lift the mean of the largest irradiances above them.
+      return std::min(static_cast<float>(sum * share), kMaxIrradiance);
+    };
+    return Irradiance(mean(sums_[0]), mean(sums_[1]), mean(sums_[2]));
   }
 
  private:
