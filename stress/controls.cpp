@@ -54,6 +54,10 @@ constexpr Control kControls[] = {
      Check::linearizable, 0.0, false, &run_round<ClockReadLate<DelaySync>>},
     {"pending_not_helped", "a snapshot query passes over a pending record without stamping it",
      Check::linearizable, 0.0, false, &run_round<PendingNotHelped<DelaySync>>},
+    {"batch_loads_ahead", "a batch loads records before it looks at the marks that publish them",
+     Check::integrity, 0.0, false, &run_round<BatchLoadsAhead<DelaySync>>},
+    {"batch_keeps_extent", "a batch looks no further than the list reached when the last batch was done",
+     Check::regular, 0.0, false, &run_round<BatchKeepsExtent<DelaySync>>},
 };
 
 }  // namespace

@@ -90,8 +90,9 @@ class ValidityTable {
   std::vector<std::vector<std::uint32_t>> places_of_;
 };
 
-/// Invariants: every id is offered by at most one insert and lies in [0, ids); a thread's stamps rise; only
-/// the last epoch has operations that are pending.
+/// Invariants: every id is offered by at most one insert and lies in [0, ids); a thread's stamps rise, but for the
+/// queries of a batch, which all have the call and the return of the whole; only the last epoch has operations that are
+/// pending.
 struct History {
   const ValidityTable* validity = nullptr;
   std::uint32_t ids = 0;  ///< ids lie in [0, ids), < kTorn

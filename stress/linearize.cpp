@@ -54,8 +54,8 @@ std::vector<std::uint32_t> Linearizer::find_cycle(std::span<const Operation> ope
 
 /// A cycle through operations that could not be placed. `start` is the one of them with the earliest return.
 /// Each operation that real time does not hold back has a forced predecessor; any other has `start`. The walk
-/// back meets an operation that overlaps start's return at least at every other step, and there are at most P
-/// of those, so it closes after 2 P steps.
+/// back meets an operation that overlaps start's return at least at every other step, and of those there are at most
+/// as many as are open at once, P, so it closes after 2 P steps.
 std::vector<std::uint32_t> Linearizer::trace_back(std::uint32_t start) const {
   constexpr std::uint32_t kNone = UINT32_MAX;
   std::vector<std::uint32_t> predecessor(operations_.size(), kNone);

@@ -14,7 +14,8 @@ struct Overlap {
 };
 
 /// Work space that is kept from one epoch to the next. O(n log n) for n operations, plus the pairs that
-/// overlap: at most n (P - 1) of P threads, since whatever overlaps is found when the later one is called.
+/// overlap: at most n (P - 1) where P operations are open at once, since whatever overlaps is found when the later one
+/// is called. A thread has one operation open, or the queries of a batch.
 class Overlaps {
  public:
   void collect(const History& history, const Epoch& epoch);

@@ -109,7 +109,7 @@ void Report::add(const ProgressResult& r) {
 }
 
 void Report::add(const ProgressControl& control, const ProgressControlOutcome& outcome) {
-  const ProgressResult& shown = outcome.results[control.operation == "insert" ? 0 : 1];
+  const ProgressResult& shown = outcome.of(control.operation);
   progress_controls_.push_back({{"control", control.name},
                                 {"fault", control.fault},
                                 {"operation", control.operation},
@@ -248,11 +248,11 @@ unsigned Report::print_explored_controls() const {
 unsigned Report::print_progress() const {
   if (progress_.empty()) return 0;
   unsigned unkept = 0;
-  fmt::print("\n{:<19} {:<7} {:<10} {:>7} {:>7} {:>16}  {}\n", "cache, progress", "of", "declared", "steps",
+  fmt::print("\n{:<19} {:<11} {:<10} {:>7} {:>7} {:>16}  {}\n", "cache, progress", "of", "declared", "steps",
              "bound", "stops that block", "verdict");
   for (const ordered_json& row : progress_) {
     const bool holds = text(row, "verdict") == "holds";
-    fmt::print("{:<19} {:<7} {:<10} {:>7} {:>7} {:>6} of {:>6}  {}\n", text(row, "cache"),
+    fmt::print("{:<19} {:<11} {:<10} {:>7} {:>7} {:>6} of {:>6}  {}\n", text(row, "cache"),
                text(row, "operation"), text(row, "declared"), number(row, "most_steps"),
                row["bound_steps"].is_null() ? "-" : std::to_string(number(row, "bound_steps")),
                number(row, "blocked_positions"), number(row, "positions"), text(row, "verdict"));
@@ -268,10 +268,10 @@ unsigned Report::print_progress() const {
 unsigned Report::print_progress_controls() const {
   if (progress_controls_.empty()) return 0;
   unsigned unseen = 0;
-  fmt::print("\n{:<26} {:<8} {:<8} {:<5}  {}\n", "control, progress", "in", "must", "seen", "note");
+  fmt::print("\n{:<26} {:<11} {:<8} {:<5}  {}\n", "control, progress", "in", "must", "seen", "note");
   for (const ordered_json& row : progress_controls_) {
     const bool seen = is(row, "seen");
-    fmt::print("{:<26} {:<8} {:<8} {:<5}  {}\n", text(row, "control"), text(row, "operation"),
+    fmt::print("{:<26} {:<11} {:<8} {:<5}  {}\n", text(row, "control"), text(row, "operation"),
                text(row, "must"), seen ? "yes" : "NO", text(row, "note"));
     unseen += !seen;
   }

@@ -3,10 +3,12 @@
 //
 // Records carry a unique id and, as irradiance, the number of the last update and two hashes of everything
 // else in them, so that a torn or stale record shows itself. Queries go through `visit`, the traversal that
-// every query takes. Recording costs two stamps an operation and writes to buffers of the thread's own, which
-// are there before the epoch begins.
+// every query takes, and some through `visit_batch`: each of a batch is a query of its own that lasts as long as the
+// batch. Recording costs two stamps a call and writes to buffers of the thread's own, which are there before the epoch
+// begins.
 #pragma once
 
+#include <array>
 #include <barrier>
 #include <memory>
 #include <span>
@@ -75,6 +77,9 @@ inline bool is_dropped(std::uint32_t id, std::uint32_t update) noexcept {
   return hash_keys(id, update) % 4 == 0;
 }
 
+/// Most queries of a batch: more than any cache has under way at once.
+inline constexpr std::uint32_t kMostBatch = 20;
+
 /// One thread's record of one epoch.
 class ThreadLog {
  public:
@@ -97,6 +102,28 @@ class ThreadLog {
   void see(std::uint32_t id) noexcept {
     if (seen_used_ < seen_.size()) seen_[seen_used_++] = id;
   }
+
+  /// Queries that there is room for in one batch.
+  std::uint32_t batch_room() const noexcept {
+    return static_cast<std::uint32_t>(std::min<std::size_t>(
+        {kMostBatch, operations_.size() - operations_used_, (seen_.size() - seen_used_) / most_seen_}));
+  }
+  /// Query `i` of a batch has a stretch of its own of what is free: they may be shown their records in turns.
+  void see(std::size_t i, std::uint32_t id) noexcept {
+    if (batch_seen_[i] < most_seen_) seen_[seen_used_ + i * most_seen_ + batch_seen_[i]++] = id;
+  }
+  /// The batch has returned.
+  void add_batch(Stamp call, Stamp ret, std::uint32_t thread,
+                 std::span<const std::uint32_t> places) noexcept {
+    const std::size_t first = seen_used_;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      for (std::uint32_t k = 0; k < batch_seen_[i]; ++k)
+        seen_[seen_used_++] = seen_[first + i * most_seen_ + k];
+      batch_seen_[i] = 0;
+      add_query(call, ret, thread, places[i]);
+    }
+  }
+
   void add_query(Stamp call, Stamp ret, std::uint32_t thread, std::uint32_t place) noexcept {
     operations_[operations_used_++] = {call,
                                        ret,
@@ -122,6 +149,7 @@ class ThreadLog {
   std::uint32_t seen_used_ = 0;
   std::uint32_t seen_first_ = 0;
   std::uint32_t most_seen_ = 0;
+  std::array<std::uint32_t, kMostBatch> batch_seen_{};  // by the queries of a batch
 };
 
 /// A history and what its table of validity belongs to.
@@ -178,6 +206,9 @@ class Round {
   }
 
  private:
+  // Of the calls that query: about four queries in ten are then in batches, the others as short as ever.
+  static constexpr std::uint32_t kBatchOneIn = 16;
+
   void work(std::uint32_t t) {
     Delays::start(hash_keys(plan_.seed, t, 1), plan_.delay_every);
     Pcg32 random(hash_keys(plan_.seed, t, 2));
@@ -188,6 +219,8 @@ class Round {
       for (std::uint32_t i = 0; i < sizes_.thread_operations && logs_[t].has_room(); ++i) {
         if (random.below(100) < plan_.shape->insert_percent) {
           insert(session, t, random.below(landscape_->validity().kinds()), first_id + i);
+        } else if (random.below(kBatchOneIn) == 0) {
+          i += query_batch(session, t, random, sizes_.thread_operations - i) - 1;
         } else {
           query(session, logs_[t], t, random.below(landscape_->validity().places()));
         }
@@ -212,6 +245,33 @@ class Round {
     session.visit(x, [&](const Record& r, float) noexcept { log.see(shown_id(r, update)); });
     const Stamp ret = clock_.after();
     log.add_query(call, ret, t, place);
+  }
+
+  /// The visitors of a batch.
+  struct Watching {
+    ThreadLog& log;
+    std::uint32_t update;
+    auto operator[](std::size_t i) const noexcept {
+      return [this, i](const Record& r, float) noexcept { log.see(i, shown_id(r, update)); };
+    }
+  };
+
+  /// Some queries, at most `most`, in one call; how many.
+  std::uint32_t query_batch(Session& session, std::uint32_t t, Pcg32& random, std::uint32_t most) noexcept {
+    ThreadLog& log = logs_[t];
+    const std::uint32_t n = 1 + random.below(std::min(most, log.batch_room()));
+    std::array<std::uint32_t, kMostBatch> places;
+    std::array<SurfacePoint, kMostBatch> points;
+    for (std::uint32_t i = 0; i < n; ++i) {
+      places[i] = random.below(landscape_->validity().places());
+      points[i] = landscape_->place(places[i]);
+    }
+    const Watching watching{log, update_};
+    const Stamp call = clock_.before();
+    session.visit_batch(std::span<const SurfacePoint>(points).first(n), watching);
+    const Stamp ret = clock_.after();
+    log.add_batch(call, ret, t, std::span<const std::uint32_t>(places).first(n));
+    return n;
   }
 
   /// Notes what the threads did and what the cache holds now; then the queries at rest, an epoch of their

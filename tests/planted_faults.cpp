@@ -1,6 +1,7 @@
 // planted_faults FAULT: makes one fault that a sanitizer must report, so that their silence elsewhere says something.
 //
 // Built and run in sanitizer builds only. `none` does the same work without a fault and must be reported by nobody.
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <memory>
@@ -10,6 +11,7 @@
 #include <vector>
 
 #include "caches/registry.h"
+#include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
 
 namespace icbench {
@@ -20,9 +22,10 @@ const SurfacePoint kPlace{{0.5f, 0.5f, 0.0f}, {0, 0, 1}};
 
 Record record(std::uint32_t id) { return {kPlace.p, kPlace.n, 0.1f, {1, 2, 3}, id}; }
 
-/// One thread inserts while another looks until it has seen all. Whatever orders them comes from the cache.
+/// One thread inserts while another looks until it has seen all, in batches of `batch` or, if that is 0, by single
+/// visits. Whatever orders them comes from the cache.
 template <class Cache>
-void share(std::uint32_t sessions) {
+void share(std::uint32_t sessions, std::size_t batch = 0) {
   Cache cache({.capacity = kRecords, .max_sessions = sessions});
   auto writer_session = cache.open_session(0);
   auto reader_session = cache.open_session(sessions - 1);
@@ -30,9 +33,13 @@ void share(std::uint32_t sessions) {
     for (std::uint32_t i = 0; i < kRecords; ++i) writer_session.insert(record(i));
   });
   std::jthread reader([&] {
+    const std::vector<SurfacePoint> points(batch, kPlace);
     for (std::uint32_t n = 0; n < kRecords;) {
       n = 0;
-      reader_session.visit(kPlace, [&](const Record& r, float) { n += r.R > 0.0f; });
+      const auto count = [&](const Record& r, float) { n += r.R > 0.0f; };
+      const std::vector visitors(std::max(batch, std::size_t{1}), count);
+      batch == 0 ? reader_session.visit(kPlace, visitors[0]) : reader_session.visit_batch(points, visitors);
+      n /= static_cast<std::uint32_t>(visitors.size());
       std::this_thread::yield();
     }
   });
@@ -64,8 +71,12 @@ int run(std::string_view fault) {
   if (fault == "none") {
     share<WaitFree<>>(2);
     share<WaitFreeSnapshot<>>(2);
+    share<PackedWaitFree<>>(2, 17);
+    share<PackedWaitFreeSnapshot<>>(2, 17);
   } else if (fault == "relaxed_publication") {
     share<stress::RelaxedPublication<StdSync>>(2);
+  } else if (fault == "batch_loads_ahead") {
+    share<stress::BatchLoadsAhead<StdSync>>(2, 4);
   } else if (fault == "unsynchronised") {
     share<Sequential<>>(1);
   } else if (fault == "use_after_free") {
@@ -76,7 +87,9 @@ int run(std::string_view fault) {
     undefined();
   } else {
     std::fputs(
-        "usage: planted_faults none|relaxed_publication|unsynchronised|use_after_free|overflow|undefined\n",
+        "usage: planted_faults "
+        "none|relaxed_publication|batch_loads_ahead|unsynchronised|use_after_free|overflow|"
+        "undefined\n",
         stderr);
     return 2;
   }

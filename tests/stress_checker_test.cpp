@@ -101,6 +101,21 @@ TEST(StressChecker, EqualStampsOverlap) {
   EXPECT_EQ(failing(Builder().insert(0, 5, 9, 7).query(1, 1, 5, {7}).judge()), "f");
 }
 
+TEST(StressChecker, QueriesOfABatchOverlapAndAreEachHeldToAll) {
+  // One sees what the other does not: in either order, but not if it had returned.
+  EXPECT_EQ(failing(Builder().insert(0, 1, 10, 7).query(1, 2, 9, {7}).query(1, 2, 9, {}).judge()), "f");
+  EXPECT_EQ(failing(Builder().insert(0, 1, 10, 7).query(1, 2, 9, {}).query(1, 2, 9, {7}).judge()), "f");
+  EXPECT_EQ(failing(Builder().insert(0, 1, 2, 7).query(1, 3, 9, {7}).query(1, 3, 9, {}).judge()), "rplf");
+  // Two that disagree on the order of two inserts.
+  Builder b;
+  b.insert(0, 1, 10, 1).insert(1, 1, 10, 2).query(2, 2, 9, {1}).query(2, 2, 9, {2});
+  EXPECT_EQ(failing(b.judge()), "lf");
+  // What a batch has seen, the next query must see.
+  b = Builder();
+  b.insert(0, 1, 100, 7).query(1, 2, 3, {7}).query(1, 2, 3, {}).query(1, 4, 5, {});
+  EXPECT_EQ(failing(b.judge()), "plf");
+}
+
 TEST(StressChecker, MissingAReturnedInsertIsIrregular) {
   const Judgement j = Builder().insert(0, 1, 2, 7).query(1, 3, 4, {}).judge();
   EXPECT_EQ(failing(j), "rpl");

@@ -237,7 +237,13 @@ class RandomHistory {
       const std::uint32_t n = t + 1 == threads ? std::min(left, 3u) : random_.below(std::min(left, 3u) + 1);
       left -= n;
       Stamp now = origin;
-      for (std::uint32_t i = 0; i < n; ++i) now = add_operation(t, now, is_last && i + 1 == n);
+      for (std::uint32_t i = 0; i < n; ++i) {
+        if (i > 0 && history_.operations.back().is_query() && chance(25)) {
+          add_to_batch();
+        } else {
+          now = add_operation(t, now, is_last && i + 1 == n);
+        }
+      }
     }
     epoch.end = static_cast<std::uint32_t>(history_.operations.size());
     points_.resize(epoch.end);
@@ -266,6 +272,13 @@ class RandomHistory {
     }
     history_.operations.push_back(o);
     return o.ret;
+  }
+
+  /// A query in one call with the last one.
+  void add_to_batch() {
+    Operation o = history_.operations.back();
+    o.where = random_.below(validity_.places());
+    history_.operations.push_back(o);
   }
 
   double point_in(const Operation& o) {

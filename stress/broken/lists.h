@@ -6,6 +6,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <vector>
 
 #include "caches/direct.h"
 #include "caches/locked.h"
@@ -293,6 +294,110 @@ class ReplicatedList : public Slots<Sync> {
   SharedWord turn_{0};
 };
 
+/// A batch loads all records before it looks at the marks that publish them: it may show what was half written then.
+template <class Sync>
+class BatchLoadsAheadList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
+ public:
+  using typename Base::Workspace;
+  static constexpr CacheTraits kTraits =
+      broken_traits("batch_loads_ahead", Consistency::per_record_linearizable);
+  static constexpr std::size_t kBatch = 4;
+  using Base::Base;
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    Slot& s = this->slot(this->take());
+    Sync::writes(&s.record, offsetof(Record, E));
+    s.record.p = r.p;
+    s.record.n = r.n;
+    s.record.R = r.R;
+    Sync::writes(&s.record.E, sizeof s.record.E + sizeof s.record.id);
+    s.record.E = r.E;
+    s.record.id = r.id;
+    s.ready.store(1, std::memory_order_release);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    this->scan(this->taken(), x, a, f);
+  }
+  template <class Counters, class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, float a, Counters&, Visitors visitors) noexcept {
+    std::vector<Record> ahead(this->taken());
+    for (std::uint32_t i = 0; i < ahead.size(); ++i) {
+      Sync::reads(&this->slot(i + 1).record, sizeof(Record));
+      ahead[i] = this->slot(i + 1).record;
+    }
+    for (std::uint32_t i = 0; i < ahead.size(); ++i) {
+      if (this->slot(i + 1).ready.load(std::memory_order_acquire) == 0) continue;
+      for (std::size_t k = 0; k < points.size(); ++k) {
+        const float weight = split_sphere_weight(points[k], ahead[i], a);
+        if (weight > 0.0f) visitors[k](static_cast<const Record&>(ahead[i]), weight);
+      }
+    }
+  }
+  template <class F>
+  void update(F&& f) {
+    this->update_slots(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    this->for_each_slot(f);
+  }
+  void clear() { this->clear_slots(); }
+};
+
+/// A batch looks no further than the list reached when the last batch was done.
+template <class Sync>
+class BatchKeepsExtentList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::SharedWord, typename Base::Slot;
+
+ public:
+  using typename Base::Workspace;
+  static constexpr CacheTraits kTraits =
+      broken_traits("batch_keeps_extent", Consistency::per_record_linearizable);
+  static constexpr std::size_t kBatch = 4;
+  using Base::Base;
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    this->publish(this->slot(this->take()), r);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    this->scan(this->taken(), x, a, f);
+  }
+  template <class Counters, class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, float a, Counters&, Visitors visitors) noexcept {
+    const std::uint32_t end = extent_.load(std::memory_order_acquire);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      auto&& visitor = visitors[k];
+      this->scan(end, points[k], a, visitor);
+    }
+    extent_.store(this->taken(), std::memory_order_release);
+  }
+  template <class F>
+  void update(F&& f) {
+    this->update_slots(f);
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    this->for_each_slot(f);
+  }
+  void clear() {
+    this->clear_slots();
+    extent_.store(0, std::memory_order_relaxed);
+  }
+
+ private:
+  SharedWord extent_{0};
+};
+
 /// A structure for one thread, as locks wrap them.
 template <class Sync>
 class UnsharedList {
@@ -383,6 +488,10 @@ template <class Sync>
 using PublishBeforeFill = Direct<PublishBeforeFillList<Sync>>;
 template <class Sync>
 using CounterAppend = Direct<CounterAppendList<Sync>>;
+template <class Sync>
+using BatchLoadsAhead = Direct<BatchLoadsAheadList<Sync>>;
+template <class Sync>
+using BatchKeepsExtent = Direct<BatchKeepsExtentList<Sync>>;
 template <class Sync>
 using ReplicatedWithoutCommit = Direct<ReplicatedList<Sync>>;
 template <class Sync, class Plain>

@@ -70,6 +70,14 @@ constexpr ExploreControl kControls[] = {
      "a snapshot query passes over a pending record without stamping it",
      Check::linearizable,
      {"look_between"}},
+    {broken<BatchLoadsAhead<ModelSync>>("batch_loads_ahead"),
+     "a batch loads records before it looks at the marks that publish them",
+     Check::integrity,
+     {"insert_batch"}},
+    {broken<BatchKeepsExtent<ModelSync>>("batch_keeps_extent"),
+     "a batch looks no further than the list reached when the last batch was done",
+     Check::regular,
+     {"insert_batch"}},
 };
 
 }  // namespace

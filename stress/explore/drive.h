@@ -92,10 +92,14 @@ class Drive {
     }
     for (unsigned t = 0; t < thread_count(scenario_); ++t) {
       auto& operations = log_.threads.emplace_back();
+      char last = ' ';
       for (const char c : scenario_.threads[t]) {
-        if (c == 'q') {
+        const bool is_in_batch = c == 'b' && last == 'b';
+        last = c;
+        if (c == 'q' || c == 'b') {
           LoggedOperation o;
           o.is_query = true;
+          o.is_in_batch = is_in_batch;
           o.where = Stage::kHere;
           o.id = id++;
           operations.push_back(o);
@@ -136,17 +140,28 @@ class Drive {
   }
 
   void run_thread(unsigned t) {
-    for (LoggedOperation& o : log_.threads[t]) {
+    const std::span operations(log_.threads[t]);
+    for (std::size_t i = 0, n; i < operations.size(); i += n) {
+      for (n = 1; i + n < operations.size() && operations[i + n].is_in_batch;) ++n;
+      const std::span call = operations.subspan(i, n);
+      LoggedOperation& first = call.front();
       // Acquire: what has returned by the number read is known here.
-      if (stamping_ == Stamping::stamped) o.call = 2 * counter_.load(std::memory_order_acquire) + 2;
-      Engine::current().note([&] { return call_text(o); });
-      if (o.is_query) {
-        query(sessions_[t], o);
+      if (stamping_ == Stamping::stamped) first.call = 2 * counter_.load(std::memory_order_acquire) + 2;
+      Engine::current().note([&] { return call_text(call); });
+      if (!first.is_query) {
+        first.result = sessions_[t].insert(stage_.record(first.where, first.id));
+      } else if (n == 1) {
+        query(sessions_[t], first);
       } else {
-        o.result = sessions_[t].insert(stage_.record(o.where, o.id));
+        query_batch(sessions_[t], call);
       }
-      Engine::current().note([&] { return return_text(o); });
-      if (stamping_ == Stamping::stamped) o.ret = 2 * counter_.fetch_add(1, std::memory_order_acq_rel) + 3;
+      for (const LoggedOperation& o : call) Engine::current().note([&] { return return_text(o); });
+      if (stamping_ == Stamping::stamped)
+        first.ret = 2 * counter_.fetch_add(1, std::memory_order_acq_rel) + 3;
+      for (LoggedOperation& o : call) {
+        o.call = first.call;
+        o.ret = first.ret;
+      }
     }
   }
 
@@ -155,6 +170,25 @@ class Drive {
     session.visit(stage_.place(o.where), [&](const Record& r, float) noexcept { o.see(shown_id(r, 0)); });
     // Which record came first does not matter.
     std::sort(o.seen.begin(), o.seen.begin() + o.seen_count);
+  }
+
+  /// The visitors of a batch.
+  struct Watching {
+    std::span<LoggedOperation> queries;
+    auto operator[](std::size_t i) const noexcept {
+      return [&o = queries[i]](const Record& r, float) noexcept { o.see(shown_id(r, 0)); };
+    }
+  };
+
+  void query_batch(Session& session, std::span<LoggedOperation> queries) {
+    std::vector<SurfacePoint> points;
+    for (LoggedOperation& o : queries) {
+      o.seen_count = 0;
+      points.push_back(stage_.place(o.where));
+    }
+    const Watching watching{queries};
+    session.visit_batch(points, watching);
+    for (LoggedOperation& o : queries) std::sort(o.seen.begin(), o.seen.begin() + o.seen_count);
   }
 
   Verdicts::Verdict judge(const Ending& ending) {
@@ -172,7 +206,9 @@ class Drive {
     return verdicts_.judge(log_, ending);
   }
 
-  static std::string call_text(const LoggedOperation& o) {
+  static std::string call_text(std::span<const LoggedOperation> call) {
+    if (call.size() > 1) return fmt::format("calls a batch of {} queries", call.size());
+    const LoggedOperation& o = call.front();
     if (o.is_query) return "calls query";
     return fmt::format("calls insert of record {}, size {}", o.id, o.where % Stage::kSizes);
   }

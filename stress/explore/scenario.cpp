@@ -25,12 +25,15 @@ constexpr Scenario kScenarios[] = {
     {"both_look", {"i1 q", "i1 q"}, true, 0, false},
     {"grow", {"i0", "i0"}, true, 4, false},
     {"look_between", {"i1", "i0 q", "q"}, true, 0, false},
+    {"insert_batch", {"i1", "bb"}, true, 0, false},
     {"install_three", {"i1", "i1", "i1"}, true, 0, true},
     {"grow_and_look", {"i0", "i0", "q"}, true, 4, true},
     {"two_inserts_queries", {"i1", "i1", "q q"}, true, 0, true},
     {"chain_and_insert", {"i0 i1", "i1", "q"}, true, 0, true},
     {"two_chains", {"i0 i1", "q q"}, true, 0, true},
     {"cold_inserts_query", {"i1", "i1", "q"}, false, 0, true},
+    {"chain_and_batch", {"i0 i1", "bb"}, true, 0, true},
+    {"inserts_and_batch", {"i1", "i1", "bb"}, true, 0, true},
 };
 
 }  // namespace
@@ -117,6 +120,7 @@ History Verdicts::history(const ExecutionLog& log, std::optional<std::size_t> ch
   const auto in_turn = [&](const std::vector<LoggedOperation>& operations, std::uint32_t thread) {
     Stamp at = kFirst + 1;
     for (const LoggedOperation& o : operations) {
+      if (o.is_in_batch) at -= 2;
       add(h, o, thread, at, at + 1);
       at += 2;
     }

@@ -31,7 +31,8 @@ namespace icbench::stress::explore {
 
 struct Scenario {
   std::string_view name;
-  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries; separated by blanks.
+  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries, "bb" queries twice in one batch; separated
+  /// by blanks.
   std::array<std::string_view, kMaxThreads> threads;
   /// Sessions have drawn their tickets and memory, as in the middle of a run: fewer steps.
   bool is_warm;
@@ -75,8 +76,9 @@ struct LoggedOperation {
   static constexpr unsigned kMostSeen = 16;
 
   bool is_query = false;
-  std::uint32_t where = 0;  ///< kind or place
-  std::uint32_t id = 0;     ///< of an insert
+  bool is_in_batch = false;  ///< a query in one call with the one before it
+  std::uint32_t where = 0;   ///< kind or place
+  std::uint32_t id = 0;      ///< of an insert
   Stamp call = 0, ret = 0;
   InsertResult result = InsertResult::inserted;
   std::uint32_t seen_count = 0;

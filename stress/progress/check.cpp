@@ -26,17 +26,20 @@ class ProgressCheck {
         landscape_(kShape, options.seed, CacheConfig{}.a),
         stage_(kFibers) {}
 
-  std::array<ProgressResult, 2> run() {
+  std::array<ProgressResult, kAskedNames.size()> run() {
     check(insert_settings());
-    check(query_settings());
+    check(query_settings(Type::query));
+    check(query_settings(Type::batch));
     if (sessions_ > 1) {
       run_mixed();
       const bool is_blocking = declared(Type::insert) == ProgressGuarantee::blocking ||
                                declared(Type::query) == ProgressGuarantee::blocking;
       // Two stopped operations say nothing new of a cache that one has brought down.
-      if (!is_blocking && accounts_[0].fault.empty() && accounts_[1].fault.empty()) stop_pairs();
+      const bool is_sound =
+          std::all_of(accounts_.begin(), accounts_.end(), [](const Account& a) { return a.fault.empty(); });
+      if (!is_blocking && is_sound) stop_pairs();
     }
-    return {result(Type::insert), result(Type::query)};
+    return {result(Type::insert), result(Type::query), result(Type::batch)};
   }
 
  private:
@@ -53,8 +56,9 @@ class ProgressCheck {
 
   /// What accusations add from here on: the setting they are about.
   void set_scene(const Setting& setting) {
-    scene_ = setting.victim.type == Type::insert ? fmt::format("; a record of size {}", setting.victim.where)
-                                                 : "; a query";
+    scene_ = setting.victim.type == Type::insert  ? fmt::format("; a record of size {}", setting.victim.where)
+             : setting.victim.type == Type::query ? "; a query"
+                                                  : fmt::format("; a batch of {} queries", kBatchQueries);
     for (const Prefill& p : setting.prefill) {
       if (p.records > 0) scene_ += fmt::format(", {} of size {} before", p.records, p.kind % kSizes);
     }
@@ -79,7 +83,7 @@ class ProgressCheck {
     Trial::Outcome outcome = trial.finish();
     ++account(type).schedules;
     const auto where = [&] { return fmt::format(schedule, args...); };
-    for (const Type t : {Type::insert, Type::query}) {
+    for (const Type t : {Type::insert, Type::query, Type::batch}) {
       StepTally& tally = outcome.tallies[static_cast<std::size_t>(t)];
       if (tally.exceeded > 0) accuse(t, tally.witness + ", " + where());
       account(t).tally.add(tally);
@@ -265,11 +269,11 @@ class ProgressCheck {
       auto trial = std::make_unique<Trial>(stage_, subject_, landscape_, sessions_,
                                            round % 2 == 0 ? none : some, false);
       for (unsigned f = 0; f < kFibers; ++f) {
-        trial->start(f, operations,
-                     [random = Pcg32(hash_keys(options_.seed, round, f))](std::uint32_t) mutable {
-                       return random.below(2) == 0 ? Request{Type::insert, random.below(kKinds)}
-                                                   : Request{Type::query, random.below(kPlaces)};
-                     });
+        trial->start(
+            f, operations, [random = Pcg32(hash_keys(options_.seed, round, f))](std::uint32_t) mutable {
+              if (random.below(2) == 0) return Request{Type::insert, random.below(kKinds)};
+              return Request{random.below(4) == 0 ? Type::batch : Type::query, random.below(kPlaces)};
+            });
       }
       ++round;
       return trial;
@@ -320,9 +324,11 @@ class ProgressCheck {
     const bool is_insert = type == Type::insert;
     ProgressResult r;
     r.cache = subject_.traits.name;
-    r.operation = is_insert ? "insert" : "query";
+    r.operation = kAskedNames[static_cast<std::size_t>(type)];
     r.declared = declared(type);
     r.bound = is_insert ? subject_.insert_bound : subject_.query_bound;
+    if (type == Type::batch && !r.bound.empty())
+      r.bound = fmt::format("{} queries, each {}", kBatchQueries, r.bound);
     r.bound_steps = a.tally.bound_of_most;
     r.most_steps = a.tally.most_steps;
     r.steps_by_interference = a.series;
@@ -361,12 +367,13 @@ class ProgressCheck {
   Landscape landscape_;
   Stage stage_;
   std::string scene_;
-  std::array<Account, 2> accounts_;
+  std::array<Account, kAskedNames.size()> accounts_;
 };
 
 }  // namespace
 
-std::array<ProgressResult, 2> check_progress(const ProgressSubject& subject, const ProgressOptions& options) {
+std::array<ProgressResult, kAskedNames.size()> check_progress(const ProgressSubject& subject,
+                                                              const ProgressOptions& options) {
   return ProgressCheck(subject, options).run();
 }
 

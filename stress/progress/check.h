@@ -10,6 +10,7 @@
 
 #include "core/cache.h"
 #include "stress/progress/subject.h"
+#include "stress/progress/trial.h"
 
 namespace icbench::stress {
 
@@ -30,7 +31,7 @@ struct InterferenceSteps {
 /// One operation of one cache.
 struct ProgressResult {
   std::string cache;
-  std::string operation;  ///< "insert" or "query"
+  std::string operation;  ///< one of kAskedNames
   ProgressGuarantee declared = ProgressGuarantee::blocking;
   std::string bound;              ///< in words; empty if the operation is not declared wait-free
   std::uint64_t bound_steps = 0;  ///< of the operation that took most steps
@@ -49,8 +50,9 @@ struct ProgressResult {
   std::string_view verdict() const noexcept { return holds ? "holds" : "violated"; }
 };
 
-/// Insert and query of one cache.
-std::array<ProgressResult, 2> check_progress(const ProgressSubject& subject, const ProgressOptions& options);
+/// Insert, query and batch of queries of one cache.
+std::array<ProgressResult, kAskedNames.size()> check_progress(const ProgressSubject& subject,
+                                                              const ProgressOptions& options);
 
 /// All caches chosen, in the order of the registry. Throws std::runtime_error with one line for a name not known.
 std::vector<ProgressResult> check_progress(const ProgressOptions& options);

@@ -195,6 +195,33 @@ class AwaitingQuery : public MarkedList {
   }
 };
 
+/// A batch is made again until nobody has inserted meanwhile, so as to be a snapshot.
+class RepeatedBatch : public MarkedList {
+ public:
+  static constexpr CacheTraits kTraits = control_traits("repeated_batch", ProgressGuarantee::wait_free);
+  static constexpr std::string_view kVisitBound = "3 + slots";
+  static constexpr std::uint32_t kVisitSteps = 2;
+  static constexpr std::size_t kBatch = 4;
+  using MarkedList::MarkedList;
+
+  template <class Counters, class Visitors>
+  void visit_batch(std::span<const SurfacePoint> points, float a, Counters&, Visitors visitors) noexcept {
+    std::uint32_t end = extent();
+    std::vector<std::uint32_t> ready;
+    for (std::uint32_t before = end + 1; before != end; end = count()) {
+      before = end;
+      ready.clear();
+      for (std::uint32_t i = 1; i <= end; ++i) {
+        if (slot(i).ready.load(std::memory_order_acquire) != 0) ready.push_back(i);
+      }
+    }
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      auto&& visitor = visitors[k];
+      for (const std::uint32_t i : ready) test(slot(i), points[k], a, visitor);
+    }
+  }
+};
+
 /// Records become visible in the order of their slots: an insert waits for those before it.
 class InOrder : public MarkedList {
  public:
@@ -248,6 +275,8 @@ std::span<const ProgressControl> all_progress_controls() {
        progress_subject<Direct<GrowingClaim>>()},
       {"awaiting_query", "a query spins on a slot that is not filled yet", "query", true,
        progress_subject<Direct<AwaitingQuery>>()},
+      {"repeated_batch", "a batch is made again until nobody has inserted meanwhile", "query_batch", true,
+       progress_subject<Direct<RepeatedBatch>>()},
       {"in_order", "an insert waits for those that began before it", "insert", true,
        progress_subject<Direct<InOrder>>()},
       {"half_record", "a slot is marked before it is filled: whoever stops there leaves half a record",
@@ -258,7 +287,7 @@ std::span<const ProgressControl> all_progress_controls() {
 
 ProgressControlOutcome run_progress_control(const ProgressControl& control, const ProgressOptions& options) {
   ProgressControlOutcome outcome{false, check_progress(control.subject, options)};
-  const ProgressResult& r = outcome.results[control.operation == "insert" ? 0 : 1];
+  const ProgressResult& r = outcome.of(control.operation);
   const bool grows = !r.steps_by_interference.empty() &&
                      r.steps_by_interference.back().steps > r.steps_by_interference.back().inserts;
   outcome.seen = control.is_violation ? !r.holds : r.holds && grows;

@@ -1,6 +1,7 @@
 // Lists that the check of progress must see through, and one that it must see growing as it may.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <string_view>
@@ -22,7 +23,13 @@ std::span<const ProgressControl> all_progress_controls();
 
 struct ProgressControlOutcome {
   bool seen = false;
-  std::array<ProgressResult, 2> results;  ///< insert, query
+  std::array<ProgressResult, kAskedNames.size()> results;
+
+  /// Of that operation.
+  const ProgressResult& of(std::string_view operation) const noexcept {
+    return *std::find_if(results.begin(), results.end(),
+                         [&](const ProgressResult& r) { return r.operation == operation; });
+  }
 };
 
 ProgressControlOutcome run_progress_control(const ProgressControl& control, const ProgressOptions& options);

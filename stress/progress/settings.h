@@ -7,7 +7,7 @@
 
 namespace icbench::stress::progress {
 
-using Type = Operation::Type;
+using Type = Asked;
 
 // Radii whose records lie in the root, near it, half way down and at the bottom (core/octree.h), in the unit cube.
 inline constexpr float kRadii[] = {1.0f, 0x1p-1f, 0x1p-5f, 0x1p-20f};
@@ -39,8 +39,9 @@ inline std::vector<Setting> insert_settings() {
   return settings;
 }
 
-inline std::vector<Setting> query_settings() {
-  const Request query{Type::query, 0};
+/// Of a query or a batch of them.
+inline std::vector<Setting> query_settings(Type type) {
+  const Request query{type, 0};
   return {{{}, query, false},
           {{{0, 1}, {1, 1}, {2, 1}, {3, 1}}, query, true},
           {{{0, 5}, {1, 5}, {kSizes + 1, 5}}, query, true},

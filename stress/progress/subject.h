@@ -20,6 +20,9 @@ class CountedCache {
   virtual InsertResult insert(std::uint32_t session, const Record& r) noexcept = 0;
   virtual void visit(std::uint32_t session, const SurfacePoint& x,
                      const std::function<void(const Record&)>& f) noexcept = 0;
+  /// f(i, record): of points[i].
+  virtual void visit_batch(std::uint32_t session, std::span<const SurfacePoint> points,
+                           const std::function<void(std::size_t, const Record&)>& f) noexcept = 0;
   /// Quiescent, as for_each_record and end_frame of the cache.
   virtual void for_each_record(const std::function<void(const Record&)>& f) const = 0;
   virtual void end_frame() = 0;
@@ -58,6 +61,11 @@ class CountedCacheOf final : public CountedCache {
              const std::function<void(const Record&)>& f) noexcept override {
     sessions_[session].visit(x, [&](const Record& r, float) noexcept { f(r); });
   }
+  void visit_batch(std::uint32_t session, std::span<const SurfacePoint> points,
+                   const std::function<void(std::size_t, const Record&)>& f) noexcept override {
+    const Watching watching{f};
+    sessions_[session].visit_batch(points, watching);
+  }
   void for_each_record(const std::function<void(const Record&)>& f) const override {
     cache_.for_each_record(f);
   }
@@ -79,6 +87,14 @@ class CountedCacheOf final : public CountedCache {
   }
 
  private:
+  /// The visitors of a batch.
+  struct Watching {
+    const std::function<void(std::size_t, const Record&)>& f;
+    auto operator[](std::size_t i) const noexcept {
+      return [this, i](const Record& r, float) noexcept { f(i, r); };
+    }
+  };
+
   Cache cache_;
   std::vector<typename Cache::Session> sessions_;
 };

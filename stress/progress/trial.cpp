@@ -18,8 +18,6 @@ CacheConfig config_for(std::uint32_t sessions, bool is_pool_short) {
   return {.capacity = kCapacity, .max_sessions = sessions};
 }
 
-constexpr std::array<std::string_view, 2> kTypeNames = {"insert", "query"};
-
 }  // namespace
 
 void StepTally::add(std::uint64_t steps, std::uint64_t bound) noexcept {
@@ -64,58 +62,97 @@ void Trial::start(unsigned i, std::uint32_t count, std::function<Request(std::ui
     for (std::uint32_t n = 0; n < count; ++n) {
       Stage::begin_operation();
       const Request r = request(n);
-      r.type == Operation::Type::insert ? insert(i, r.where) : query(i, r.where);
+      switch (r.type) {
+        case Asked::insert:
+          insert(i, r.where);
+          break;
+        case Asked::query:
+          query(i, r.where);
+          break;
+        case Asked::batch:
+          query_batch(i, r.where);
+          break;
+      }
     }
   });
 }
 
-Operation& Trial::begin(std::uint32_t session, const Request& request, std::uint32_t id) {
-  return logs_[session]
-      .emplace_back(Logged{
-          {++clock_, kPending, session, request.where, id, 0, request.type, InsertResult::inserted}, {}})
-      .operation;
-}
-
 void Trial::insert(std::uint32_t session, std::uint32_t kind) {
+  std::vector<Logged>& log = logs_[session];
+  const std::size_t first = log.size();
   const std::uint32_t id = next_id_++;
-  Operation& operation = begin(session, {Operation::Type::insert, kind}, id);
-  operation.result = cache_->insert(session, landscape_.record(kind, id, 0));
-  Stage::point();
-  operation.ret = ++clock_;
-  if (Stage::is_inside()) weigh(operation, Stage::own_steps(), Stage::own_extents());
+  log.push_back({{++clock_, kPending, session, kind, id, 0, Operation::Type::insert, InsertResult::inserted},
+                 Asked::insert});
+  const InsertResult result = cache_->insert(session, landscape_.record(kind, id, 0));
+  log[first].operation.result = result;
+  end(session, first);
 }
 
 void Trial::query(std::uint32_t session, std::uint32_t place) {
-  Operation& operation = begin(session, {Operation::Type::query, place}, 0);
-  std::vector<std::uint32_t>& seen = logs_[session].back().seen;
+  std::vector<Logged>& log = logs_[session];
+  const std::size_t first = log.size();
+  log.push_back({{++clock_, kPending, session, place, 0, 0, Operation::Type::query, InsertResult::inserted},
+                 Asked::query});
   cache_->visit(session, landscape_.place(place),
-                [&seen](const Record& r) { seen.push_back(shown_id(r, 0)); });
-  Stage::point();
-  operation.ret = ++clock_;
-  if (Stage::is_inside()) weigh(operation, Stage::own_steps(), Stage::own_extents());
+                [&seen = log[first].seen](const Record& r) { seen.push_back(shown_id(r, 0)); });
+  end(session, first);
 }
 
-void Trial::weigh(const Operation& operation, std::uint64_t steps,
-                  const std::vector<std::uint32_t>& extents) {
-  StepTally& tally = tallies_[static_cast<std::size_t>(operation.type)];
-  const bool is_query = operation.is_query();
-  const std::optional<std::uint64_t> bound =
-      is_query ? cache_->query_steps(extents)
-               : cache_->insert_steps(landscape_.record(operation.where, operation.first, 0));
-  tally.add(steps, bound.value_or(0));
-  if (!bound) return;
-  if (steps > *bound) {
-    tally.accuse(fmt::format("{} took {}{} steps, its bound is {}",
-                             kTypeNames[static_cast<std::size_t>(operation.type)],
-                             operation.is_pending() ? "more than " : "", steps, *bound));
+void Trial::query_batch(std::uint32_t session, std::uint32_t place) {
+  std::vector<Logged>& log = logs_[session];
+  const std::size_t first = log.size();
+  std::array<SurfacePoint, kBatchQueries> points;
+  ++clock_;
+  for (std::uint32_t i = 0; i < kBatchQueries; ++i) {
+    const std::uint32_t where = (place + i) % landscape_.validity().places();
+    points[i] = landscape_.place(where);
+    log.push_back({{clock_, kPending, session, where, 0, 0, Operation::Type::query, InsertResult::inserted},
+                   Asked::batch});
   }
+  Logged* const queries = &log[first];
+  cache_->visit_batch(session, points, [queries](std::size_t i, const Record& r) {
+    queries[i].seen.push_back(shown_id(r, 0));
+  });
+  end(session, first);
+}
+
+/// The call that made the operations from number `first` on has come to its end.
+void Trial::end(std::uint32_t session, std::size_t first) {
+  Stage::point();
+  ++clock_;
+  std::vector<Logged>& log = logs_[session];
+  for (std::size_t i = first; i < log.size(); ++i) log[i].operation.ret = clock_;
+  if (Stage::is_inside()) weigh(log[first], Stage::own_steps(), Stage::own_extents());
+}
+
+/// Most steps of a call that read lists of these extents, if any are promised. A batch has those of its queries.
+std::optional<std::uint64_t> Trial::bound(const Logged& call,
+                                          const std::vector<std::uint32_t>& extents) const {
+  const Operation& o = call.operation;
+  if (call.call == Asked::insert) return cache_->insert_steps(landscape_.record(o.where, o.first, 0));
+  std::optional<std::uint64_t> steps = cache_->query_steps(extents);
+  if (steps && call.call == Asked::batch) *steps += (kBatchQueries - 1) * *cache_->query_steps({});
+  return steps;
+}
+
+void Trial::weigh(const Logged& call, std::uint64_t steps, const std::vector<std::uint32_t>& extents) {
+  const std::string_view name = kAskedNames[static_cast<std::size_t>(call.call)];
+  StepTally& tally = tallies_[static_cast<std::size_t>(call.call)];
+  const std::optional<std::uint64_t> most = bound(call, extents);
+  tally.add(steps, most.value_or(0));
+  if (!most) return;
+  if (steps > *most) {
+    tally.accuse(fmt::format("{} took {}{} steps, its bound is {}", name,
+                             call.operation.is_pending() ? "more than " : "", steps, *most));
+  }
+  if (call.call == Asked::insert) return;
   // A bound that counts what was not there when it was read is none.
-  if (is_query && extents.size() > cache_->most_lists())
-    tally.accuse(
-        fmt::format("query read {} lists, at most {} were allowed", extents.size(), cache_->most_lists()));
+  const std::uint32_t most_lists = cache_->most_lists() * (call.call == Asked::batch ? kBatchQueries : 1);
+  if (extents.size() > most_lists)
+    tally.accuse(fmt::format("{} read {} lists, at most {} were allowed", name, extents.size(), most_lists));
   const auto longest = std::max_element(extents.begin(), extents.end());
-  if (is_query && longest != extents.end() && *longest > next_id_)
-    tally.accuse(fmt::format("query claims that a list held {} records when only {} had been inserted",
+  if (longest != extents.end() && *longest > next_id_)
+    tally.accuse(fmt::format("{} claims that a list held {} records when only {} had been inserted", name,
                              *longest, next_id_));
 }
 
@@ -144,7 +181,7 @@ void Trial::close_epoch() {
 Trial::Outcome Trial::finish() {
   for (unsigned i = 0; i < stage_.size(); ++i) {
     if (stage_.is_done(i) || logs_[i].empty() || !logs_[i].back().operation.is_pending()) continue;
-    weigh(logs_[i].back().operation, stage_.steps(i), stage_.extents(i));
+    weigh(logs_[i].back(), stage_.steps(i), stage_.extents(i));
   }
   stage_.clear();
   close_epoch();

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "stress/checker.h"
@@ -14,9 +16,15 @@
 
 namespace icbench::stress {
 
+/// What a fiber does in one call. A batch is kBatchQueries queries, each an operation of the history.
+enum class Asked : std::uint8_t { insert, query, batch };
+inline constexpr std::array<std::string_view, 3> kAskedNames = {"insert", "query", "query_batch"};
+inline constexpr std::uint32_t kBatchQueries = 3;
+
 struct Request {
-  Operation::Type type;
-  std::uint32_t where;  ///< insert: kind of the record; query: place
+  Asked type;
+  std::uint32_t
+      where;  ///< insert: kind of the record; query: place; batch: that of the first, then the ones behind
 };
 
 /// Records of a kind that are there before a trial begins.
@@ -25,7 +33,7 @@ struct Prefill {
   std::uint32_t records;
 };
 
-/// Operations of one type and their steps.
+/// Calls of one type and their steps.
 struct StepTally {
   std::uint64_t operations = 0;
   std::uint64_t most_steps = 0;
@@ -53,9 +61,9 @@ class Trial {
   void start(unsigned i, std::uint32_t count, std::function<Request(std::uint32_t)> request);
 
   struct Outcome {
-    std::array<StepTally, 2> tallies;  ///< by Operation::Type
-    std::string broken;                ///< the first declared condition that does not hold; empty if all do
-    std::string witness;               ///< of that
+    std::array<StepTally, kAskedNames.size()> tallies;  ///< by Asked
+    std::string broken;   ///< the first declared condition that does not hold; empty if all do
+    std::string witness;  ///< of that
   };
   /// Fibers that have not ended are given up.
   Outcome finish();
@@ -63,13 +71,16 @@ class Trial {
  private:
   struct Logged {
     Operation operation;
-    std::vector<std::uint32_t> seen;
+    Asked call;  ///< of which it is, or is one
+    std::vector<std::uint32_t> seen{};
   };
 
   void insert(std::uint32_t session, std::uint32_t kind);
   void query(std::uint32_t session, std::uint32_t place);
-  Operation& begin(std::uint32_t session, const Request& request, std::uint32_t id);
-  void weigh(const Operation& operation, std::uint64_t steps, const std::vector<std::uint32_t>& extents);
+  void query_batch(std::uint32_t session, std::uint32_t place);
+  void end(std::uint32_t session, std::size_t first);
+  std::optional<std::uint64_t> bound(const Logged& call, const std::vector<std::uint32_t>& extents) const;
+  void weigh(const Logged& call, std::uint64_t steps, const std::vector<std::uint32_t>& extents);
   void close_epoch();
 
   Stage& stage_;
@@ -80,7 +91,7 @@ class Trial {
   History history_;
   Stamp clock_ = 0;
   std::uint32_t next_id_ = 0;
-  std::array<StepTally, 2> tallies_;
+  std::array<StepTally, kAskedNames.size()> tallies_;
 };
 
 }  // namespace icbench::stress
