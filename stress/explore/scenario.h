@@ -31,8 +31,8 @@ namespace icbench::stress::explore {
 
 struct Scenario {
   std::string_view name;
-  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries, "bb" queries twice in one batch; separated
-  /// by blanks.
+  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries, "bb" queries twice in one batch;
+  /// separated by blanks.
   std::array<std::string_view, kMaxThreads> threads;
   /// Sessions have drawn their tickets and memory, as in the middle of a run: fewer steps.
   bool is_warm;
