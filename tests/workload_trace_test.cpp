@@ -154,7 +154,12 @@ TEST_F(Traces, WhatIsAskedAndInsertedComesBackBitForBit) {
   EXPECT_EQ(trace.context.integrator, "made by hand");
   EXPECT_EQ(trace.context.cache, "wait_free");
   EXPECT_EQ(trace.context.seed, 7u);
-  EXPECT_TRUE(same_bytes(trace.context.config, render_.context(1).config));
+  const CacheConfig config = trace.context.config, expected = render_.context(1).config;
+  EXPECT_TRUE(same_bytes(config.bounds, expected.bounds));
+  EXPECT_EQ(config.a_max, expected.a_max);
+  EXPECT_EQ(config.a, expected.a);
+  EXPECT_EQ(config.capacity, expected.capacity);
+  EXPECT_EQ(config.max_sessions, expected.max_sessions);
   ASSERT_EQ(trace.points.size(), render_.asked.size());
   std::size_t inserted = 0;
   std::uint64_t hits = 0;
