@@ -149,8 +149,8 @@ struct LaneKernels {
   void (*weigh)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                 float* weights);
 
-  /// Adds the irradiances of n <= kWeighed records, so weighted, and their weights to `sums`: the sums of these records,
-  /// in single precision and one after the other, bit for bit. Returns how many are valid. There is a record at
+  /// Adds the irradiances of n <= kWeighed records, so weighted, and their weights to `sums`: the sums of these, in
+  /// single precision and one after the other, bit for bit. Returns how many are valid. There is a record at
   /// kWeighed - 1 more.
   std::uint32_t (*add)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                        WeightedSums& sums);

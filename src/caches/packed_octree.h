@@ -17,9 +17,9 @@
 // as well, into their lists. A second split would not pay: a child is at most 2.1 reaches wide, so most of what is
 // listed there is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and
 // their records are tested one by one. No list grows but with what is valid at one point: its records, of reach r, meet
-// a cell of side s <= 2.1 r, so they lie in that cell widened by r. On a surface this is s^2 + 4 s r + pi r^2 of area, of
-// which each covers pi r^2: so at some point at least a fifth of them is valid for a_max, as far as distance goes. If
-// they fill space it is a fourteenth.
+// a cell of side s <= 2.1 r, so they lie in that cell widened by r. On a surface this is s^2 + 4 s r + pi r^2 of area,
+// of which each covers pi r^2: so at some point at least a fifth of them is valid for a_max, as far as distance goes.
+// If they fill space it is a fourteenth.
 //
 // What an insert does, step by step, and what others see if it stops there for ever
 //

@@ -41,7 +41,7 @@ struct PassFigures {
   std::uint64_t vpls_in_use = 0;         ///< virtual lights there are: about as many as were asked for
   std::uint64_t lock_wait_ns = 0;        ///< nanoseconds that threads waited for the cache's locks
   std::uint64_t bytes_beside_cache = 0;  ///< kept for records beside what the cache keeps
-  std::uint64_t bytes_of_details = 0;    ///< of these, what interpolation reads of records: gradients, marks of leaks
+  std::uint64_t bytes_of_details = 0;    ///< of these, what interpolation reads: gradients, marks of leaks
 };
 
 /// What becomes of the records in the cache as a frame begins.
