@@ -35,6 +35,29 @@ class Slots {
   void prefault(Workspace&, std::uint32_t) noexcept {}
   std::uint32_t room() const noexcept { return capacity_ - taken(); }
 
+  /// Quiescent: all slots that are ready; f may drop records.
+  template <class F>
+  void update(F&& f) {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      if (slot(i).ready.load(std::memory_order_relaxed) != 0 && f(slot(i).record) == UpdateResult::drop)
+        slot(i).ready.store(0, std::memory_order_relaxed);
+    }
+  }
+  template <class F>
+  void for_each(F&& f) const {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      if (slot(i).ready.load(std::memory_order_relaxed) != 0) f(static_cast<const Record&>(slot(i).record));
+    }
+  }
+  void clear() {
+    for (std::uint32_t i = 1; i <= taken(); ++i) {
+      slot(i).record = {};
+      slot(i).ready.store(0, std::memory_order_relaxed);
+      slot(i).next.store(0, std::memory_order_relaxed);
+    }
+    taken_.store(0, std::memory_order_relaxed);
+  }
+
  protected:
   // The cache's tickets never give out more than its capacity. Relaxed: other words publish.
   std::uint32_t take() noexcept { return taken_.fetch_add(1, std::memory_order_relaxed) + 1; }
@@ -55,33 +78,23 @@ class Slots {
     for (std::uint32_t i = 1; i <= end; ++i) test(slot(i), x, a, f);
   }
 
+  // A record in two steps: what makes it valid somewhere, and what it brings.
+  static void write_place(Slot& s, const Record& r) noexcept {
+    Sync::writes(&s.record, offsetof(Record, E));
+    s.record.p = r.p;
+    s.record.n = r.n;
+    s.record.R = r.R;
+  }
+  static void write_light(Slot& s, const Record& r) noexcept {
+    Sync::writes(&s.record.E, sizeof s.record.E + sizeof s.record.id);
+    s.record.E = r.E;
+    s.record.id = r.id;
+  }
+
   static void publish(Slot& s, const Record& r) noexcept {
     Sync::writes(&s.record, sizeof s.record);
     s.record = r;
     s.ready.store(1, std::memory_order_release);
-  }
-
-  /// Quiescent: all slots that are ready; f may drop records.
-  template <class F>
-  void update_slots(F&& f) {
-    for (std::uint32_t i = 1; i <= taken(); ++i) {
-      if (slot(i).ready.load(std::memory_order_relaxed) != 0 && f(slot(i).record) == UpdateResult::drop)
-        slot(i).ready.store(0, std::memory_order_relaxed);
-    }
-  }
-  template <class F>
-  void for_each_slot(F&& f) const {
-    for (std::uint32_t i = 1; i <= taken(); ++i) {
-      if (slot(i).ready.load(std::memory_order_relaxed) != 0) f(static_cast<const Record&>(slot(i).record));
-    }
-  }
-  void clear_slots() {
-    for (std::uint32_t i = 1; i <= taken(); ++i) {
-      slot(i).record = {};
-      slot(i).ready.store(0, std::memory_order_relaxed);
-      slot(i).next.store(0, std::memory_order_relaxed);
-    }
-    taken_.store(0, std::memory_order_relaxed);
   }
 
  private:
@@ -126,16 +139,8 @@ class ExchangeThenLinkList : public Slots<Sync> {
     std::uint32_t i = head_.load(std::memory_order_acquire);
     for (; i != 0; i = this->slot(i).next.load(std::memory_order_acquire)) this->test(this->slot(i), x, a, f);
   }
-  template <class F>
-  void update(F&& f) {
-    this->update_slots(f);
-  }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
   void clear() {
-    this->clear_slots();
+    Base::clear();
     head_.store(0, std::memory_order_relaxed);
   }
 
@@ -158,29 +163,15 @@ class PublishBeforeFillList : public Slots<Sync> {
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
     Slot& s = this->slot(this->take());
-    Sync::writes(&s.record, offsetof(Record, E));
-    s.record.p = r.p;
-    s.record.n = r.n;
-    s.record.R = r.R;
+    this->write_place(s, r);
     s.ready.store(1, std::memory_order_release);
-    Sync::writes(&s.record.E, sizeof s.record.E + sizeof s.record.id);
-    s.record.E = r.E;
-    s.record.id = r.id;
+    this->write_light(s, r);
     return true;
   }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
     this->scan(this->taken(), x, a, f);
   }
-  template <class F>
-  void update(F&& f) {
-    this->update_slots(f);
-  }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
-  void clear() { this->clear_slots(); }
 };
 
 /// Two counters: a slot is reserved by adding to `index`, filled, and reported by adding to `count`; readers
@@ -209,16 +200,8 @@ class CounterAppendList : public Slots<Sync> {
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
     this->scan(size_.load(std::memory_order_acquire), x, a, f);
   }
-  template <class F>
-  void update(F&& f) {
-    this->update_slots(f);
-  }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
   void clear() {
-    this->clear_slots();
+    Base::clear();
     count_.store(0, std::memory_order_relaxed);
     size_.store(0, std::memory_order_relaxed);
   }
@@ -255,15 +238,11 @@ class ReplicatedList : public Slots<Sync> {
   }
   template <class F>
   void update(F&& f) {
-    this->update_slots(f);
+    Base::update(f);
     second_.update(f);
   }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
   void clear() {
-    this->clear_slots();
+    Base::clear();
     second_.clear();
     turn_.store(0, std::memory_order_relaxed);
   }
@@ -283,11 +262,6 @@ class ReplicatedList : public Slots<Sync> {
       const std::uint32_t end = this->taken();
       for (std::uint32_t i = 1; i <= end; ++i) this->test(this->slot(i), x, a, f);
     }
-    template <class F>
-    void update(F&& f) {
-      this->update_slots(f);
-    }
-    void clear() { this->clear_slots(); }
   };
 
   Copy second_;
@@ -310,13 +284,8 @@ class BatchLoadsAheadList : public Slots<Sync> {
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
     Slot& s = this->slot(this->take());
-    Sync::writes(&s.record, offsetof(Record, E));
-    s.record.p = r.p;
-    s.record.n = r.n;
-    s.record.R = r.R;
-    Sync::writes(&s.record.E, sizeof s.record.E + sizeof s.record.id);
-    s.record.E = r.E;
-    s.record.id = r.id;
+    this->write_place(s, r);
+    this->write_light(s, r);
     s.ready.store(1, std::memory_order_release);
     return true;
   }
@@ -339,15 +308,6 @@ class BatchLoadsAheadList : public Slots<Sync> {
       }
     }
   }
-  template <class F>
-  void update(F&& f) {
-    this->update_slots(f);
-  }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
-  void clear() { this->clear_slots(); }
 };
 
 /// A batch looks no further than the list reached when the last batch was done.
@@ -381,16 +341,8 @@ class BatchKeepsExtentList : public Slots<Sync> {
     }
     extent_.store(this->taken(), std::memory_order_release);
   }
-  template <class F>
-  void update(F&& f) {
-    this->update_slots(f);
-  }
-  template <class F>
-  void for_each(F&& f) const {
-    this->for_each_slot(f);
-  }
   void clear() {
-    this->clear_slots();
+    Base::clear();
     extent_.store(0, std::memory_order_relaxed);
   }
 

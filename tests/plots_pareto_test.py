@@ -1,0 +1,188 @@
+#!/usr/bin/python3
+"""Tests of the page on speed against error."""
+from __future__ import annotations
+
+import json
+import re
+import unittest
+
+import matplotlib.image
+import numpy as np
+
+from plots_support import InFolder, model_pareto, run, write_results
+
+import pareto_choice
+import pareto_page
+import pareto_results
+import report
+import results
+import style
+
+
+class Pareto(InFolder):
+    """What icbench pareto measured, as a part of the report."""
+
+    def page(self, data: dict) -> str:
+        path = write_results(self.folder / "pareto.json", data)
+        return pareto_page.section(pareto_results.load([path])[0], "pareto", "")
+
+    def test_files_beside_the_results_are_found_and_their_part_is_linked(self):
+        small = self.small()
+        write_results(self.folder / "pareto.json", model_pareto())
+        self.good("report.py", small, "--out", self.folder / "out")
+        page = (self.folder / "out/report.html").read_text(encoding="utf-8")
+        self.assertEqual(page.count('id="pareto"'), 1)
+        self.assertIn('<a href="#pareto">', page)
+        self.assertIn("<code>figures/pareto.pdf</code>", page)
+        for target in re.findall(r'href="#([^"]+)"', page):
+            self.assertEqual(page.count(f'id="{target}"'), 1, target)
+        (self.folder / "pareto.json").rename(self.folder / "pareto.previous.json")
+        self.assertEqual(report._beside([small], report.kPareto), [])
+
+    def test_a_budget_buys_the_least_error_that_it_can_pay(self):
+        table = pareto_results.points(pareto_results.load(
+            [write_results(self.folder / "pareto.json", model_pareto())])[0])
+        part = table[table["scene"] == "cornell_box"]
+        for budget in pareto_page.budgets(part):
+            best = pareto_page.best_within(part, budget)
+            affordable = part[part["seconds"] <= budget]
+            self.assertEqual(best["relmse"], affordable["relmse"].min())
+        self.assertIsNone(pareto_page.best_within(part, part["seconds"].min() / 2))
+
+    def test_the_page_says_what_to_use(self):
+        data = model_pareto(scenes=("cornell_box",), methods={"path": [(0.1, 0.5), (1.0, 0.05)],
+                                                              "hash_cells": [(0.2, 0.02)]}, noise=0.0)
+        page = self.page(data)
+        self.assertIn("use hash cells (setting 0): relMSE 0.0200, where path tracing has 0.500 by then", page)
+        self.assertIn("Bias is what 3 independent runs have in common", page)
+
+    def several(self) -> dict[str, dict]:
+        """Files of two scenes: in one a method of much spread, in the other nothing that is quick."""
+        rooms = {"path": [(0.03, 0.6), (0.2, 0.1), (2.0, 0.02)], "hash_cells": [(0.05, 0.04), (0.5, 0.03)],
+                 "instant_gi": [(0.06, 0.041), (0.6, 0.01)]}
+        halls = {"path": [(0.4, 0.5), (4.0, 0.1)], "hash_cells": [(0.7, 0.02)]}
+        return {"desk": model_pareto(scenes=("desk",), methods=rooms),
+                "sibenik": model_pareto(scenes=("sibenik",), methods=halls)}
+
+    def part(self, data: dict):
+        path = write_results(self.folder / "part.json", data)
+        return pareto_results.points(pareto_results.load([path])[0])
+
+    def test_several_files_make_one_table_of_scenes_and_budgets_by_every_error(self):
+        paths = [write_results(self.folder / f"pareto_{scene}.json", data) for scene, data in self.several().items()]
+        found = pareto_results.load(paths)
+        self.assertEqual(len(found), 1)
+        page = pareto_page.section(found[0], "pareto", "<figure>")
+        self.assertLess(page.index('class="budget"'), page.index("<figure>"))
+        tables = re.findall(r'<div class="by" data-error="(\w+)"><h3>([^<]+)</h3>.*?<tbody>(.*?)</tbody>', page, re.S)
+        self.assertEqual([error for error, _, _ in tables], ["relmse", "rmse", "flip", "hdrvdp_p75"])
+        points = pareto_results.points(found[0])
+        times = pareto_choice.budgets(points["seconds"])
+        self.assertEqual(times, [0.03, 0.1, 0.3, 1, 3, 10] if points["seconds"].min() <= 0.03 else [0.1, 0.3, 1, 3, 10])
+        for error, heading, body in tables:
+            self.assertTrue(heading.startswith("If you have x seconds"))
+            lines = re.findall(r"<tr>(.*?)</tr>", body, re.S)
+            self.assertEqual(len(lines), 2)
+            for line, (scene, part) in zip(lines, points.groupby("scene")):
+                self.assertIn(f"<b>{scene}</b>", line)
+                cells = [cell for span, cell in re.findall(r'<td(?: colspan="(\d+)")?>(.*?)</td>', line, re.S)
+                         for _ in range(int(span or 1))]
+                self.assertEqual(len(cells), len(times))
+                for time, cell in zip(times, cells):
+                    fast = part[part["seconds"] <= time]
+                    if fast.empty:
+                        self.assertEqual(cell, "–")
+                        continue
+                    least = fast.loc[fast[error].idxmin()]
+                    self.assertIn(f"<b>{least['method'].replace('_', ' ')}</b>", cell)
+                    self.assertIn(style.number(least[error]), cell)
+                    self.assertIn(f"[{style.number(least[error + '_low'])}, ", cell)
+
+    def test_what_the_runs_do_not_tell_apart_is_named_and_nothing_else(self):
+        one = {"path": [(0.1, 0.1)], "hash_cells": [(0.1, 0.0999)], "instant_gi": [(0.1, 0.5)],
+               "late": [(3.0, 0.0999)]}
+        data = model_pareto(scenes=("desk",), methods=one, noise=0.0)
+        for row in data["benchmarks"]:
+            row["relmse"] *= 1 + 0.01 * (row["repetition_index"] - 1)  # runs 1 % apart: more than the two differ
+        found = pareto_choice.answer(self.part(data), 1.0, "relmse")
+        self.assertEqual(found.best["method"], "hash_cells")
+        self.assertEqual(list(found.tied["method"]), ["path"])
+        self.assertIn("≈ path</span>", self.page(data))
+        for row in data["benchmarks"]:
+            row["relmse"] *= 0.95 if row["method"] == "hash_cells" else 1
+        self.assertTrue(pareto_choice.answer(self.part(data), 1.0, "relmse").tied.empty)
+
+    def test_two_runs_have_a_spread_and_one_has_none(self):
+        one = {"path": [(0.1, 0.1)], "hash_cells": [(0.1, 0.1)]}
+        two = self.part(model_pareto(scenes=("desk",), methods=one, repetitions=2)).iloc[0]
+        self.assertTrue(two["relmse_from"] < two["relmse"] < two["relmse_to"])
+        single = self.part(model_pareto(scenes=("desk",), methods=one, repetitions=1))
+        self.assertTrue(single["relmse_from"].isna().all())
+        self.assertTrue(pareto_choice.answer(single, 1.0, "relmse").tied.empty)
+        self.assertIn("ran once, so that nobody knows", self.page(model_pareto(methods=one, repetitions=1)))
+
+    def test_of_equal_errors_the_fastest_is_named(self):
+        equal = {"path": [(0.9, 0.1), (0.2, 0.1), (0.5, 0.1)]}
+        part = self.part(model_pareto(scenes=("desk",), methods=equal, noise=0.0))
+        self.assertEqual(pareto_choice.answer(part, 1.0, "relmse").best["seconds"], 0.2)
+        self.assertIsNone(pareto_choice.answer(part, 0.1, "relmse"))
+
+    def test_the_page_says_whether_relmse_depends_on_brightness(self):
+        self.assertIn("both pictures are scaled by 1 / mean luminance", self.page(model_pareto()))
+        old = model_pareto()
+        for row in old["benchmarks"]:
+            del row["relmse_scale"]
+        self.assertIn("Some file has the relMSE of pictures as bright as they are", self.page(old))
+
+    def test_a_file_that_cannot_be_read_costs_no_other_scene(self):
+        small, out = self.small(), self.folder / "out"
+        for scene, data in self.several().items():
+            write_results(self.folder / f"pareto_{scene}.json", data)
+        (self.folder / "pareto_office.json").write_text('{"context": {}, "benchmarks": []}')
+        done = run("report.py", small, "--out", out)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stderr, r"^report\.py: left out: [^\n]+pareto_office\.json: no rows[^\n]+\n$")
+        page = (out / "report.html").read_text(encoding="utf-8")
+        self.assertIn("<b>desk</b>", page)
+        self.assertIn("<b>sibenik</b>", page)
+        self.assertRegex(page, r"Left out: [^<]+pareto_office\.json")
+        named = run("report.py", small, "--pareto", self.folder / "pareto_office.json", "--out", out)
+        self.assertEqual(named.returncode, 2)
+
+    def test_pictures_stand_side_by_side_with_their_errors(self):
+        data = model_pareto(scenes=("cornell_box",))
+        data["context"]["images"] = "shots"
+        shots = self.folder / "shots"
+        shots.mkdir()
+        for name in ("reference", "a", "a_error"):
+            matplotlib.image.imsave(shots / f"{name}.png", np.zeros((4, 4)))
+        entry = {"method": "path", "setting": "spp:16", "seconds": 0.5, "relmse": 0.1, "flip": 0.25,
+                 "image": "a.png", "map": "a_error.png"}
+        (shots / "images.json").write_text(json.dumps(
+            {"scene": "cornell_box", "exposure": 1, "reference": "reference.png",
+             "budgets": [{"spp": 16, "seconds": 0.5, "pictures": [entry, {"method": "hash_cells"}]}]}))
+        page = self.page(data)
+        self.assertEqual(page.count("data:image/png;base64,"), 3)
+        self.assertIn("16 spp; 500 ms, FLIP 0.250", page)
+        self.assertIn("<b>hash cells</b>: no setting is that fast", page)
+
+    def test_an_incomplete_run_stands_out(self):
+        page = self.page(model_pareto(complete=False))
+        self.assertRegex(page, r"Incomplete: this part [^<]+\(pareto\.json\)")
+
+    def test_every_wrong_file_is_one_line_and_status_2(self):
+        no_time = model_pareto()
+        for row in no_time["benchmarks"]:
+            del row["seconds_indirect"]
+        for text in ("no json", "[]", '{"context": {}, "benchmarks": []}', '{"benchmarks": [{"name": "a"}]}',
+                     '{"context": {}, "benchmarks": [{"name": "a"}]}', json.dumps(no_time)):
+            (self.folder / "wrong.json").write_text(text)
+            with self.assertRaisesRegex(results.InputError, r"^[^\n]+wrong\.json[^\n]+$"):
+                pareto_results.load([self.folder / "wrong.json"])
+        done = run("pareto.py", self.folder / "wrong.json", "--out", self.folder / "out")
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^[^\n]+wrong\.json[^\n]+\n$")
+
+
+if __name__ == "__main__":
+    unittest.main()
