@@ -11,7 +11,7 @@ import pandas as pd
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from thesis_results import kFiles, Measured, load, method_handles, method_line
 
-kShown = ("igi", "interleaved", "ic", "tic")
+kShown = ("igi", "interleaved", "ic", "tic", "cells")
 
 
 def _front(line: pd.DataFrame) -> pd.DataFrame:
@@ -38,7 +38,7 @@ def _draw(measured: Measured, part: pd.DataFrame, target, axes, layout) -> None:
 
 def build(measured: Measured) -> Built:
     rows = [{
-        "scene": name, "method": point["method"], "vpls": point["vpls"], "accuracy": point["accuracy"],
+        "scene": name, "method": point["method"], "vpls": point["vpls"], "paths": point["paths"], "accuracy": point["accuracy"],
         "seconds": median(point["seconds"]), "rmse": point["rmse"], "relmse": point["relmse"],
         "flicker": point["flicker"]
     } for name, scene in measured.scenes.items() for point in (scene["equal_error"] or {}).get("points", [])
@@ -63,7 +63,8 @@ def build(measured: Measured) -> Built:
 
 FIGURE = Figure(
     "thesis_equal_error", "Error against time",
-    "Every point is a method with a number of VPLs and, for the caching methods, an accuracy; lower left "
+    "Every point is a method with a number of VPLs (hash cells: of light paths a pixel) and, for the caching "
+    "methods, an accuracy; lower left "
     "is better. The circle is TIC as in all tables. Along the dotted line through it the methods have the "
     "same error: how far to the right a method's line crosses it is TIC's speed-up at equal error. Where a "
     "line ends before it crosses, only a bound is known.",

@@ -10,7 +10,7 @@ import pandas as pd
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from thesis_results import kFiles, Measured, load, method_handles, method_line
 
-kShown = ("igi", "interleaved", "ic", "tic")
+kShown = ("igi", "interleaved", "ic", "tic", "cells")
 
 
 def _draw(measured: Measured, part: pd.DataFrame, axes, layout) -> None:

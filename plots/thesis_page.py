@@ -45,7 +45,9 @@ kMethods = ((
 ), ("TIC",
     "Temporal instant caching: VPLs and records live on; after motion only what became invalid is computed "
     "again."
-    ))
+    ), ("Hash cells",
+        "Every visible point traces light paths of its own and shares their mean with all points in the same cell of a "
+        "spatial hash, as renderers on graphics processors do: no VPLs, no interpolation. Not in the thesis."))
 kLead = (
     "Dubla (Interactive Global Illumination on the CPU, Warwick 2012) made animations with indirect light "
     "interactive by keeping virtual point lights and irradiance records over frames, and let all threads "

@@ -10,15 +10,15 @@ from matplotlib.lines import Line2D
 
 from results import InputError, read_json
 
-kSchema = 1
+kSchema = 2
 kFiles = "tables.json of bench/tables"
-kTimed = ("rt", "igi", "interleaved", "ic", "tic")
+kTimed = ("rt", "igi", "interleaved", "ic", "tic", "cells")
 kMechanisms = {"lck": "global_mutex", "lw": "local_write", "wf": "wait_free"}
 kColours = {
     "rt": style.kGrey, "igi": style.kVermilion, "interleaved": style.kOrange, "ic": style.kGreen,
-    "tic": style.kBlue, "path": style.kBlack
+    "tic": style.kBlue, "cells": style.kSky, "path": style.kBlack
 }
-kMarkers = {"rt": "x", "igi": "s", "interleaved": "D", "ic": "^", "tic": "o", "path": "p"}
+kMarkers = {"rt": "x", "igi": "s", "interleaved": "D", "ic": "^", "tic": "o", "cells": "h", "path": "p"}
 
 
 @dataclass

@@ -95,14 +95,15 @@ def whole_frames(measured: Measured) -> Grid:
         "range of TIC / "
         f"IGI over its scenes is known.{_sparse(measured)}", [
             "scene", "VPLs", *(measured.title(m)
-                               for m in kTimed), "TIC / IGI", "TIC / IGI interleaved", "TIC / IC", "TIC / IGI"
-        ], groups=[("", 2), ("frames per second", len(kTimed)), ("ours", 3), ("thesis", 1)])
+                               for m in kTimed), "TIC / IGI", "TIC / IGI interleaved", "TIC / IC",
+            "TIC / hash cells", "TIC / IGI"
+        ], groups=[("", 2), ("frames per second", len(kTimed)), ("ours", 4), ("thesis", 1)])
     for scene in measured.animations.values():
         time = scene["time"]
         grid.rows.append([
             Cell(scene["title"]),
             _vpls(scene), *(cell(time["methods"][m]["frames_per_second"]) for m in kTimed),
-            *(cell(time["whole_over_tic"][m]) for m in ("igi", "interleaved", "ic")),
+            *(cell(time["whole_over_tic"][m]) for m in ("igi", "interleaved", "ic", "cells")),
             Cell(f"{low} to {high}")
         ])
     return grid
@@ -116,9 +117,10 @@ def indirect_time(measured: Measured) -> Grid:
         "the "
         "thesis's. \"later frames\" leaves out the first, in which TIC has nothing to reuse."
         f"{_sparse(measured)}", [
-            "scene", "VPLs", "IGI", "interleaved", "IC", "TIC", "ours", "thesis", "later frames", "ours",
-            "thesis", "later frames", "ours", "later frames"
-        ], groups=[("", 2), ("seconds", 4), ("IGI / TIC", 3), ("IC / TIC", 3), ("interleaved / TIC", 2)])
+            "scene", "VPLs", "IGI", "interleaved", "IC", "TIC", "hash cells", "ours", "thesis", "later frames", "ours",
+            "thesis", "later frames", "ours", "later frames", "ours", "later frames"
+        ], groups=[("", 2), ("seconds", 5), ("IGI / TIC", 3), ("IC / TIC", 3), ("interleaved / TIC", 2),
+                   ("hash cells / TIC", 2)])
     for name, scene in measured.animations.items():
         time, theirs = scene["time"], measured.data["thesis"]["indirect_times"].get(name)
         over, later = time["indirect_over_tic"], time["indirect_over_tic_after_first"]
@@ -128,17 +130,18 @@ def indirect_time(measured: Measured) -> Grid:
             figure = time["methods"][method]["seconds_indirect"]
             return Cell(style.number(figure["median"]), under) if figure else kEmpty
 
-        row = [Cell(scene["title"]), _vpls(scene), *(seconds(m) for m in ("igi", "interleaved", "ic", "tic"))]
+        row = [Cell(scene["title"]), _vpls(scene), *(seconds(m) for m in ("igi", "interleaved", "ic", "tic", "cells"))]
         for method, key in (("igi", "igi_over_tic"), ("ic", "ic_over_tic")):
             row += [cell(over[method]), _beside(measured, f"{key}/{name}"), cell(later[method])]
-        grid.rows.append([*row, cell(over["interleaved"]), cell(later["interleaved"])])
+        grid.rows.append([*row, *(cell(ratio[m]) for m in ("interleaved", "cells") for ratio in (over, later))])
     return grid
 
 
 def perceived(measured: Measured) -> Grid:
     settings = measured.data["settings"]
     spp = settings["super_spp"]
-    plain, clean = ("igi_path", "interleaved_path", "super_path"), ("tic", "igi", "interleaved")
+    plain = ("igi_path", "interleaved_path", "cells_path", "super_path")
+    clean = ("tic", "igi", "interleaved", "cells")
     grid = Grid(
         "perceived", "Pixels that a human would tell apart, percent (Table 6.5 in kind)",
         "HDR-VDP of 2005 on the last frame, one sample a pixel, against path tracing with "
@@ -149,9 +152,9 @@ def perceived(measured: Measured) -> Grid:
         "has, so that the indirect light's error stands "
         "alone.", [
             "scene", "VPLs", *("P > 75 %", "P > 95 %") * 2, "verdict", "IGI", "inter- leaved",
-            f"IGI, {spp} spp", "halves", "TIC", "IGI", "inter- leaved"
+            "hash cells", f"IGI, {spp} spp", "halves", "TIC", "IGI", "inter- leaved", "hash cells"
         ], groups=[("", 2), ("TIC against path tracing", 2), ("TIC against IGI", 3),
-                   ("against path tracing", 4), ("the same, clean", 3)])
+                   ("against path tracing", len(plain) + 1), ("the same, clean", len(clean))])
     for name, scene in measured.scenes.items():
         theirs, quality = measured.data["thesis"]["perceived"].get(name), scene["quality"]
 
@@ -192,7 +195,7 @@ def numeric_errors(measured: Measured) -> Grid:
 
 def over_frames(measured: Measured) -> Grid:
     keys = ("rmse", "flip", "p75", "flicker")
-    methods = ("tic", "ic", "interleaved")
+    methods = ("tic", "ic", "interleaved", "cells")
     grid = Grid(
         "over_frames", "Error over all frames, against IGI with the same lights",
         "Means over the frames. Flicker: root mean square of the change from frame to frame of what "
@@ -217,12 +220,13 @@ def equal_error(measured: Measured) -> Grid:
         "interpolated between its settings (logarithm of time over logarithm of error, along those that no "
         "other beats in both); ≤ and ≥ mark bounds: that error lies outside what was measured, and nothing "
         "is extrapolated. Ratios of steady frames, without TIC's first.",
-        ["scene", "VPLs", "RMSE of TIC", "flicker", "seconds", "IGI / TIC", "interleaved / TIC", "IC / TIC"])
+        ["scene", "VPLs", "RMSE of TIC", "flicker", "seconds", "IGI / TIC", "interleaved / TIC", "IC / TIC",
+         "hash cells / TIC"])
     for scene in measured.animations.values():
         found = scene["equal_error"] or {}
         target, ups = found.get("target"), found.get("speedups", {})
         if not target:
-            grid.rows.append([Cell(scene["title"]), _vpls(scene), *[kEmpty] * 6])
+            grid.rows.append([Cell(scene["title"]), _vpls(scene), *[kEmpty] * 7])
             continue
         middle = sorted(target["seconds"])[len(target["seconds"]) // 2]
         row = [
@@ -232,7 +236,7 @@ def equal_error(measured: Measured) -> Grid:
             number(target["flicker"]),
             number(middle)
         ]
-        for method in ("igi", "interleaved", "ic"):
+        for method in ("igi", "interleaved", "ic", "cells"):
             up = ups.get(method)
             shown = cell(up["ratio"]) if up else kEmpty
             row.append(Cell(kBounds.get(up["bound"], "") + shown.value, shown.under) if up else kEmpty)

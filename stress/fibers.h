@@ -4,13 +4,12 @@
 // interleaving can be had at will and again. A fiber that is never resumed has stopped forever; its stack is given back
 // without being unwound, so bodies must own nothing on it that matters.
 //
-// Costs: a stack of kStackBytes each, reused by the next body; a switch saves the registers and the signal mask.
+// Costs: a stack of kStackBytes each, reused by the next body; a switch saves the registers that a call preserves, and
+// asks nothing of the system (Boost.Context), for a schedule may switch at every step.
 #pragma once
 
-#include <ucontext.h>
-
+#include <boost/context/detail/fcontext.hpp>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <utility>
@@ -35,21 +34,15 @@ class Fibers {
     Fiber& f = fibers_[i];
     f.body = std::move(body);
     f.done = false;
-    getcontext(&f.context);
-    f.context.uc_stack.ss_sp = f.stack.get();
-    f.context.uc_stack.ss_size = kStackBytes;
-    f.context.uc_link = nullptr;
-    // makecontext passes integers only.
-    const auto address = reinterpret_cast<std::uintptr_t>(this);
-    makecontext(&f.context, reinterpret_cast<void (*)()>(&Fibers::enter), 3,
-                static_cast<unsigned>(address >> 32), static_cast<unsigned>(address), i);
+    // A stack grows downwards: its top is its end.
+    f.context = boost::context::detail::make_fcontext(f.stack.get() + kStackBytes, kStackBytes, &Fibers::enter);
   }
 
   /// Runs fiber `i` until it pauses or ends. Not to be called from a fiber, nor for one that has ended.
   void resume(unsigned i) noexcept {
     current_ = this;
     running_ = i;
-    swapcontext(&caller_, &fibers_[i].context);
+    fibers_[i].context = boost::context::detail::jump_fcontext(fibers_[i].context, this).fctx;
     current_ = nullptr;
   }
 
@@ -62,29 +55,32 @@ class Fibers {
   /// Goes back to whoever called resume, until resumed again; only inside.
   static void pause() noexcept {
     Fibers& self = *current_;
-    swapcontext(&self.fibers_[self.running_].context, &self.caller_);
+    self.caller_ = boost::context::detail::jump_fcontext(self.caller_, nullptr).fctx;
   }
 
  private:
+  using Context = boost::context::detail::fcontext_t;
+
   struct Fiber {
     std::unique_ptr<std::byte[]> stack;
     std::function<void()> body;
-    ucontext_t context{};
+    Context context = nullptr;
     bool done = true;
   };
 
-  static void enter(unsigned high, unsigned low, unsigned i) {
-    auto& self = *reinterpret_cast<Fibers*>(std::uintptr_t{high} << 32 | low);
-    Fiber& f = self.fibers_[i];
+  static void enter(boost::context::detail::transfer_t from) {
+    auto& self = *static_cast<Fibers*>(from.data);
+    self.caller_ = from.fctx;
+    Fiber& f = self.fibers_[self.running_];
     f.body();
     f.done = true;
-    setcontext(&self.caller_);
+    boost::context::detail::jump_fcontext(self.caller_, nullptr);  // for good
   }
 
   static constinit inline thread_local Fibers* current_ = nullptr;
 
   std::vector<Fiber> fibers_;
-  ucontext_t caller_{};
+  Context caller_ = nullptr;
   unsigned running_ = 0;
 };
 

@@ -98,7 +98,9 @@ class Time(Case):
                 shares = {part: row[f"time_{part}_share"] for part in self.PARTS}
                 self.assertGreaterEqual(min(shares.values()), 0)
                 self.assertAlmostEqual(sum(shares.values()) + row["time_unexplained"], 1, places=9)
-                self.assertLess(abs(row["time_unexplained"]), 0.1)  # breakdown_sum holds the median to 3 %
+                # No stretch is counted twice. How much time none has counted is for the row breakdown_sum: a thread
+                # that the system lets start late has nothing to stamp.
+                self.assertGreater(row["time_unexplained"], -0.1)
                 if row["workload_kind"] in ("miss_driven", "trace") and row["cache"] != "none":
                     self.assertGreater(shares["query"], 0)
                 if row["workload_kind"] == "insert_only":

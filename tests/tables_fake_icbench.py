@@ -15,7 +15,8 @@ SCENES = ["cornell_box", "bunnies_1", "office"]
 # Seconds of indirect light for a frame: first, later ones.
 SECONDS = {
     "whitted": (0.0, 0.0), "path": (9.0, 9.0), "instant_gi": (4.0, 4.0), "instant_gi_interleaved": (2.0, 2.0),
-    "instant_caching": (0.8, 0.8), "temporal_instant_caching": (0.8, 0.1), "irradiance_cache": (0.5, 0.5)
+    "instant_caching": (0.8, 0.8), "temporal_instant_caching": (0.8, 0.1), "irradiance_cache": (0.5, 0.5),
+    "hash_cells": (0.1, 0.1)
 }
 OVERHEAD = 0.5  # of a whole frame
 
@@ -54,12 +55,14 @@ def error_of(o):
     if o["integrator"] == "whitted":
         return 0.5 + noise
     cached = 0.02 * float(o["accuracy"]) if "accuracy" in o else 0.0
+    if o["integrator"] == "hash_cells":
+        return noise + 0.16 / int(o["paths"])
     return noise + 0.32 / int(o.get("vpls", 64)) + cached
 
 
 def cost(o, frame):
     first, later = SECONDS[o["integrator"]]
-    scale = int(o.get("vpls", 64)) / 64 / float(o.get("accuracy", 1))
+    scale = int(o.get("vpls", 64)) / 64 * int(o.get("paths", 1)) / float(o.get("accuracy", 1))
     threads = int(o.get("threads", 1))
     faster = {"global_mutex": threads**0.25}.get(o.get("cache"), threads)
     indirect = (later if frame else first) * scale / faster

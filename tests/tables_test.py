@@ -38,8 +38,8 @@ SMALL = ("--quick", "--size", "4x3", "--threads", "1,2", "--accuracy", "0.2", "-
 # What --quick is in the tests.
 SCALE = options.Scale((4, 3), frames=3, rounds=3, reference_spp=8, vpl_counts=(64, 128, 256, 512),
                       vpl_seeds=1, super_spp=4, converged_vpls=1024, converged_frames=2, few_vpls=(32, ),
-                      neighbour_vpls=False, accuracies=(0.4, 0.2), mechanism_frames=2, animated_stills=False,
-                      preview_side=16)
+                      neighbour_vpls=False, accuracies=(0.4, 0.2), cell_paths=16, curve_paths=(1, 4, 16, 64),
+                      mechanism_frames=2, animated_stills=False, preview_side=16)
 PATIENCE = 120  # seconds; turns a hang into a failure
 
 
@@ -271,6 +271,13 @@ class WholeRun(Case):
         self.assertAlmostEqual(time["whole_over_tic"]["igi"]["median"], 16.5 / (20 / 3 + 0.5))
         self.assertAlmostEqual(time["methods"]["rt"]["frames_per_second"]["median"], 2.0)
         self.assertEqual(time["methods"]["igi"]["seconds_indirect"]["n"], 3)
+        # Hash cells trace 16 paths a pixel, 0.1 seconds each; an error of 1 % takes them as many.
+        self.assertAlmostEqual(time["indirect_over_tic_after_first"]["cells"]["median"], 1.6 / 2)
+        self.assertAlmostEqual(box["quality"]["cells_path_clean"]["p75"], 1.0, places=3)
+        self.assertAlmostEqual(box["over_frames"]["cells"]["p75"], 0.875, places=3)
+        self.assertEqual([(p["paths"], p["vpls"]) for p in box["equal_error"]["points"] if p["method"] == "cells"],
+                         [(1, None), (4, None), (16, None), (64, None)])
+        self.assertIsNotNone(box["equal_error"]["speedups"]["cells"])
         # The cache adds 0.02 * 0.2 to IGI's error.
         self.assertAlmostEqual(box["quality"]["tic_igi"]["p75"], 0.4, places=3)
         self.assertAlmostEqual(office["quality"]["tic_igi"]["p75"], 0.4, places=3)

@@ -27,7 +27,7 @@ from progress import Progress, clock
 from tables import choose_vpls, method_titles, scene_tables
 from thesis import kAnimations, kIndirectTimes, kPerceived, kSource, kStills, kWholeFrameRange
 
-kSchema = 1
+kSchema = 2
 kProbe = ("--integrator", "path", "--size", "48x36", "--spp", "4", "--seed", "1", "--out", "probe.exr")
 
 

@@ -5,7 +5,8 @@ left can be counted before they run, and those that are done are recognised afte
 
 Methods: rt (Whitted), igi (instant global illumination, every VPL at every pixel), interleaved (IGI by
 interleaved sampling), ic (instant caching, its cache cleared after each frame), tic (temporal instant
-caching).
+caching), cells (hash cells: what renderers on graphics processors share instead of a cache; their parameter is
+the number of light paths from each visible point, not that of VPLs).
 """
 from __future__ import annotations
 
@@ -18,11 +19,11 @@ from options import Settings
 
 kIntegrators = {
     "rt": "whitted", "igi": "instant_gi", "interleaved": "instant_gi_interleaved", "ic": "instant_caching",
-    "tic": "temporal_instant_caching"
+    "tic": "temporal_instant_caching", "cells": "hash_cells"
 }
 kTitles = {
     "rt": "RT", "igi": "IGI", "interleaved": "IGI interleaved", "ic": "IC", "tic": "TIC",
-    "path": "path tracing", "lck": "LCK", "lw": "LW", "wf": "WF", "sequential": "sequential"
+    "cells": "hash cells", "path": "path tracing", "lck": "LCK", "lw": "LW", "wf": "WF", "sequential": "sequential"
 }
 kCached = ("ic", "tic")
 kSparse = ("igi", "interleaved")  # whose frames have no work in common, so that a few tell the time of all
@@ -59,7 +60,7 @@ class Plan:
     timing: dict[tuple[str, int], Job] = field(default_factory=dict)  # (method, round)
     converged: list[Job] = field(default_factory=list)  # IGI of many VPLs, the last frames
     curve: dict[tuple[str, int, float],
-                Job | list[Job]] = field(default_factory=dict)  # (method, vpls, accuracy)
+                Job | list[Job]] = field(default_factory=dict)  # (method, vpls or paths, accuracy)
     curve_errors: dict[tuple[str, int, float], Job] = field(default_factory=dict)
     mechanisms: dict[tuple[str, str, int, int],
                      Job] = field(default_factory=dict)  # (what, mechanism, threads, round)
@@ -127,18 +128,18 @@ class Planner:
         every = self.settings.igi_every if method in kSparse else 1
         return [*range(0, last, every), last]
 
-    def _guess(self, integrator: str, vpls: int, spp: int, frames: int) -> float:
+    def _guess(self, integrator: str, vpls: int, paths: int, spp: int, frames: int) -> float:
         """Seconds, from rays at 20 million a second: the order of magnitude, until jobs of that kind have
         run.
         """
         rays = {
             "whitted": 4, "path": 30, "instant_gi": 3 + vpls, "instant_gi_interleaved": 3 + vpls / 16,
             "instant_caching": 8 + vpls / 10, "temporal_instant_caching": 8 + vpls / 50,
-            "irradiance_cache": 30
+            "irradiance_cache": 30, "hash_cells": 30 * (paths or self.scale.cell_paths)
         }[integrator]
         return 0.3 + self.pixels * spp * rays * frames / 2e7
 
-    def render(self, scene: str, method: str, label: str, frame: int, *, vpls: int = 0, spp: int = 1,
+    def render(self, scene: str, method: str, label: str, frame: int, *, vpls: int = 0, paths: int = 0, spp: int = 1,
                seed: int | None = None, cache: str = kTableCache, accuracy: float | None = None,
                threads: int = 0, reference: bool = False, repetition: int = 0) -> Job:
         """One frame; `method` is one of this module's, or an integrator. With a repetition it is timed, and
@@ -148,10 +149,10 @@ class Planner:
         arguments = [
             "render", "--scene", scene, "--integrator", integrator, "--frame",
             str(frame), "--size", self.size, "--spp",
-            str(spp), *self._method(scene, integrator, vpls, cache, accuracy, threads, seed), "--out", "picture.exr"
+            str(spp), *self._method(scene, integrator, vpls, paths, cache, accuracy, threads, seed), "--out", "picture.exr"
         ]
         return Job(scene, label, tuple(arguments), f"render {integrator}",
-                   self._guess(integrator, vpls, spp, 1), () if repetition else ("picture.exr", ),
+                   self._guess(integrator, vpls, paths, spp, 1), () if repetition else ("picture.exr", ),
                    is_reference=reference, repetition=repetition)
 
     def animate(self, scene: str, method: str, label: str, frames: int, *, vpls: int = 0,
@@ -162,18 +163,21 @@ class Planner:
         arguments = [
             "animate", "--scene", scene, "--integrator", integrator, "--frames",
             str(frames), *(["--every", str(every)] if every > 1 else []), "--size", self.size, "--spp", "1",
-            *self._method(scene, integrator, vpls, cache, accuracy, threads, None), "--format",
+            *self._method(scene, integrator, vpls, 0, cache, accuracy, threads, None), "--format",
             "exr" if keep else "none", "--out", "frames"
         ]
         return Job(scene, label, tuple(arguments), f"animate {integrator}",
-                   self._guess(integrator, vpls, 1, len(self.frames(method, frames))), ("frames", ) if keep else (),
+                   self._guess(integrator, vpls, 0, 1, len(self.frames(method, frames))), ("frames", ) if keep else (),
                    repetition=repetition)
 
-    def _method(self, scene: str, integrator: str, vpls: int, cache: str, accuracy: float | None, threads: int,
-                seed: int | None) -> list[str]:
+    def _method(self, scene: str, integrator: str, vpls: int, paths: int, cache: str, accuracy: float | None,
+                threads: int, seed: int | None) -> list[str]:
+        """Options of an integrator; no paths: as many as in the tables."""
         options = ["--seed", str(self.settings.seed if seed is None else seed)]
         if integrator.startswith("instant_") or integrator.startswith("temporal_"):
             options += ["--vpls", str(vpls)]
+        if integrator == kIntegrators["cells"]:
+            options += ["--paths", str(paths or self.scale.cell_paths)]
         if integrator in ("irradiance_cache", *(kIntegrators[m] for m in kCached)):
             options += ["--cache", cache, "--accuracy", f"{accuracy or self.accuracy(scene):g}"]
             options += ["--interpolation", "gradients"]
@@ -274,16 +278,17 @@ class Planner:
             "tic_path": (plan.reference, made["tic"]), "tic_igi": (made["igi"], made["tic"]),
             "ic_igi": (made["igi"], made["ic"]), "igi_path": (plan.reference, made["igi"]),
             "interleaved_path": (plan.reference, made["interleaved"]),
+            "cells_path": (plan.reference, made["cells"]),
             "super_path": (plan.reference, plan.super)
         }
-        for method in ("tic", "igi", "interleaved"):
+        for method in ("tic", "igi", "interleaved", "cells"):
             clean = self._clean(plan, title(method), made[method], made["rt"], last)
             pairs[f"{method}_path_clean"] = (plan.reference, clean)
         for name, (a, b) in pairs.items():
             plan.quality[name] = self._pictures(scene, f"last frame, {name.replace('_', ' ')}", a, b,
                                                 maps=name in ("tic_path_clean", "tic_igi"), frame=last)
         if plan.is_animation:
-            for method in ("tic", "ic", "interleaved"):
+            for method in ("tic", "ic", "interleaved", "cells"):
                 label = f"{'all frames' if self.settings.igi_every == 1 else 'IGI’s frames'}, {title(method)} against IGI"
                 a, b = ([Input(f"{name}/{pictures.frame_name(f)}", made[of], pictures.frame_path(f))
                          for f in self.frames("igi")] for name, of in (("a", "igi"), ("b", method)))
@@ -304,17 +309,18 @@ class Planner:
             for f, job in zip(measured, plan.converged)
         ]
 
-        def add(method: str, vpls: int, accuracy: float) -> None:
-            key = (method, vpls, accuracy)
-            setting = f"{vpls} VPLs" + (f", accuracy {accuracy:g}" if method in kCached else "")
+        def add(method: str, count: int, accuracy: float) -> None:
+            key = (method, count, accuracy)
+            counted = {"paths": count} if method == "cells" else {"vpls": count}
+            setting = f"{count} {'paths' if method == 'cells' else 'VPLs'}" + (f", accuracy {accuracy:g}" if method in kCached else "")
             if method == "tic":
-                made = self.animate(scene, method, f"TIC, {setting}", scale.frames, vpls=vpls,
+                made = self.animate(scene, method, f"TIC, {setting}", scale.frames, vpls=count,
                                     accuracy=accuracy, keep=True)
                 got = [Input(f"b/{pictures.frame_name(f)}", made, pictures.frame_path(f)) for f in measured]
                 plan.curve[key] = made
             else:
                 made = [
-                    self.render(scene, method, f"{title(method)}, {setting}, frame {f}", f, vpls=vpls,
+                    self.render(scene, method, f"{title(method)}, {setting}, frame {f}", f, **counted,
                                 accuracy=accuracy) for f in measured
                 ]
                 got = [
@@ -329,6 +335,8 @@ class Planner:
         for method in ("igi", "interleaved"):
             for count in sorted({*scale.few_vpls, *scale.vpl_counts, plan.vpls}):
                 add(method, count, self.accuracy(scene))
+        for count in sorted({*scale.curve_paths, scale.cell_paths}):
+            add("cells", count, self.accuracy(scene))
         counts = neighbours(scale.vpl_counts, plan.vpls) if scale.neighbour_vpls else [plan.vpls]
         for method in kCached:
             for count in counts:

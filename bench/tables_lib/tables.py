@@ -13,7 +13,7 @@ from options import Settings
 from plan import kIntegrators, kMechanisms, kTitles, Plan
 from thesis import kTitles as kSceneTitles
 
-kRivals = ("igi", "interleaved", "ic")
+kRivals = ("igi", "interleaved", "ic", "cells")
 
 
 def _get(result: dict | None, *path):
@@ -112,8 +112,8 @@ def _times(store: Store, plan: Plan, rounds: int, frames: int) -> dict | None:
 def _equal_error(store: Store, plan: Plan) -> dict | None:
     """Error against converged IGI over seconds, and what rivals need for TIC's error, frame by frame."""
     points = []
-    for (method, vpls, accuracy), made in plan.curve.items():
-        errors = store.result(plan.curve_errors[method, vpls, accuracy])
+    for (method, count, accuracy), made in plan.curve.items():
+        errors = store.result(plan.curve_errors[method, count, accuracy])
         if isinstance(made, list):
             seconds = [_get(store.result(job), "seconds_indirect") for job in made]
         else:
@@ -122,7 +122,8 @@ def _equal_error(store: Store, plan: Plan) -> dict | None:
         if _get(errors, "rmse") is None or not seconds or None in seconds:
             continue
         points.append({
-            "method": method, "vpls": vpls, "accuracy": accuracy if method in ("ic", "tic") else None,
+            "method": method, "vpls": count if method != "cells" else None,
+            "paths": count if method == "cells" else None, "accuracy": accuracy if method in ("ic", "tic") else None,
             "seconds": seconds, "rmse": _get(errors, "rmse"), "relmse": _get(errors, "relmse"),
             "flicker": _get(errors, "flicker")
         })
