@@ -51,8 +51,10 @@ Trial::Trial(Stage& stage, const ProgressSubject& subject, const Landscape& land
   for (const Prefill& p : prefill) {
     for (std::uint32_t i = 0; i < p.records; ++i) insert(sessions - 1, p.kind);
   }
-  cache_->end_frame();
-  close_epoch();
+  if (!logs_[sessions - 1].empty()) {
+    cache_->end_frame();
+    close_epoch();
+  }
   for (std::uint32_t i = 0; is_pool_short && i < kHoarders; ++i)
     cache_->prefault(sessions + i, kLargestHoard >> i);
 }
