@@ -14,7 +14,7 @@ import contention_map
 import speed_error
 import style
 from figure import Omitted
-from over_threads import cache_rows, panels_of, thread_marks
+from over_threads import cache_rows, kUncached, panels_of, thread_marks
 from results import Setup, interval_of, is_lock, kMinRepetitions, kPairKeys, paired
 
 
@@ -250,7 +250,7 @@ def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:
     rows = rows[(rows["relmse"] > 0) & (rows["seconds_indirect"] > 0) & (rows["threads"] == threads)]
     rows = rows[rows["placement"] == rows["placement"].min()]
     path = rows[rows["integrator"] == "path"]
-    cached = rows[(rows["integrator"] != "path") & (rows["structure"] == structure)]
+    cached = rows[~rows["integrator"].isin(kUncached) & (rows["structure"] == structure)]
     scenes = [s for s in sorted(set(path["scene"]) & set(cached["scene"])) if s]
     if not scenes:
         return None

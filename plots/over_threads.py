@@ -23,12 +23,13 @@ kShade = "#f1ece2"
 kBoundaryLines = {"core": (0, (5, 2)), "smt": (0, (1.2, 1.6)), "numa_node": (0, (5, 1.5, 1, 1.5)),
                   "package": "-"}
 kBoundaryNames = {"core": "core", "smt": "SMT", "numa_node": "NUMA node", "package": "socket"}
+kUncached = ("path", "hash_cells")  # integrators without a cache: the rivals in speed against error
 kGroupKeys = ["structure", "mechanism", "cache", "workload", "workload_kind", "scene", "panel", "threads"]
 
 
 def cache_rows(setup: Setup) -> pd.DataFrame:
-    """The rows that use a cache; path tracing, the rival in speed against error, does not."""
-    return setup.rows[setup.rows["integrator"] != "path"]
+    """The rows that use a cache."""
+    return setup.rows[~setup.rows["integrator"].isin(kUncached)]
 
 
 def select_workloads(rows: pd.DataFrame, limit: int = kPanels) -> tuple[list[str], str]:

@@ -41,7 +41,7 @@ kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mech
 kNumericColumns = (
     "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
     "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
-    "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "rays",
+    "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "cell_size", "rays",
     "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect", "validated_to_threads")
 kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
 

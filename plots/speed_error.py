@@ -11,14 +11,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from over_threads import Group, groups_of, thread_marks
+from over_threads import Group, groups_of, kUncached, thread_marks
 from results import Setup, kMinRepetitions, summarise
 
 kThreadCounts = 3  # thread counts drawn per scene: one, all cores, four a core
 kFloor = "#6b6b6b"
 kKeys = ["scene", "placement", "structure", "series", "integrator", "cache", "threads", "workload",
          "rays_per_record",
-         "accuracy", "spp"]
+         "accuracy", "spp", "cell_size"]
 
 
 def points(setup: Setup) -> pd.DataFrame:
@@ -29,9 +29,9 @@ def points(setup: Setup) -> pd.DataFrame:
         raise Omitted("no row has both relmse and seconds_indirect above zero")
     rows["scene"] = rows["scene"].where(rows["scene"] != "", rows["workload"].str.split(":").str[0])
     plain = rows["integrator"].isin(["", "irradiance_cache"])
-    rows["series"] = np.where(rows["integrator"] == "path", "path",
+    rows["series"] = np.where(rows["integrator"].isin(kUncached), rows["integrator"],
                               np.where(plain, rows["cache"], rows["integrator"] + "/" + rows["cache"]))
-    parameters = ["rays_per_record", "accuracy", "spp"]
+    parameters = ["rays_per_record", "accuracy", "spp", "cell_size"]
     rows[parameters] = rows[parameters].fillna(0)
     table = summarise(rows, kKeys, "seconds_indirect").rename(
         columns={"median": "seconds", "low": "seconds_low", "high": "seconds_high"}).drop(columns="spread")
@@ -56,9 +56,9 @@ def build(setup: Setup) -> Built:
     keys = ["scene", "placement", "threads"]
     table["on_front"] = False
     for _, part in table.groupby([*keys, "structure"]):
-        rivals = part if (part["series"] == "path").all() else pd.concat([part, _rivals(table, part)])
+        rivals = part if part["series"].isin(kUncached).all() else pd.concat([part, _rivals(table, part)])
         table.loc[front(rivals).index.intersection(part.index), "on_front"] = True
-    cached = table[table["series"] != "path"]
+    cached = table[~table["series"].isin(kUncached)]
     plates, notes = [], []
     if cached.empty:
         groups = [Group("path", "path tracing alone", [], False)]
@@ -83,12 +83,12 @@ def build(setup: Setup) -> Built:
              "interval." if few
              else " Bars: 95 % bootstrap intervals of the median.")
     for group in groups:
-        mine = table[table["cache"].isin(group.caches) | (table["series"] == "path")]
+        mine = table[table["cache"].isin(group.caches) | table["series"].isin(kUncached)]
         panels, drawn = [], []
         for (scene, placement), part in mine.groupby(["scene", "placement"]):
             for threads in marks:
                 one = part[part["threads"] == threads]
-                if group.caches and (one["series"] == "path").all():
+                if group.caches and one["series"].isin(kUncached).all():
                     continue
                 title = f"{scene.replace('_', ' ')}{', ' + placement if several else ''}, " \
                         f"{style.threads_text(threads)}"
@@ -105,9 +105,9 @@ def build(setup: Setup) -> Built:
 
 
 def _rivals(table: pd.DataFrame, part: pd.DataFrame) -> pd.DataFrame:
-    """Path-traced points of the scene, placement and threads of `part`."""
+    """Points without a cache of the scene, placement and threads of `part`."""
     first = part.iloc[0]
-    return table[(table["series"] == "path") & (table["scene"] == first["scene"])
+    return table[table["series"].isin(kUncached) & (table["scene"] == first["scene"])
                  & (table["structure"] != first["structure"])
                  & (table["placement"] == first["placement"]) & (table["threads"] == first["threads"])]
 
@@ -160,7 +160,8 @@ FIGURE = Figure(
     "the picture is from a path-traced reference (relMSE, relative mean squared error; both axes "
     "logarithmic). Left and low is good. A line joins the settings of a method that make sense, from quick "
     "and coarse to slow and fine; the wide pale line is the front that nothing in the panel beats. Path "
-    "tracing is the rival: where its line runs below, the cache is not worth having. Below the hatched floor "
+    "tracing is the rival: where its line runs below, the cache is not worth having. So are hash cells, which share "
+    "the light of paths within the cells of a grid, as renderers on graphics processors do. Below the hatched floor "
     "errors mean nothing, since the reference itself is no better. Caches of one structure make the same "
     "picture, so they differ by time, not by error.",
     build)

@@ -36,6 +36,7 @@ class Sweep(Case):
                  "mix_90_10:records=2000:operations=2000", "miss_driven:cost=0:operations=2000"]
     RAY_TRACED = "cornell_box:rays=4:size=32x32"
     PATH = "cornell_box:integrator=path:spp=1:size=32x32"
+    CELLS = "cornell_box:integrator=hash_cells:spp=1:size=32x32"
     REPETITIONS = 2
     PERCENTILES = ["p10", "p25", "p50", "p75", "p90", "p95", "p99", "p999", "max"]
 
@@ -44,7 +45,7 @@ class Sweep(Case):
         with tempfile.TemporaryDirectory(prefix="icbench-cli-") as folder:
             done = subprocess.run(
                 [ICBENCH, "sweep", "--caches", ",".join(cls.CACHES), "--threads", "1,2,8", "--workloads",
-                 ",".join([*cls.SYNTHETIC, cls.RAY_TRACED, cls.PATH]), "--repetitions", str(cls.REPETITIONS),
+                 ",".join([*cls.SYNTHETIC, cls.RAY_TRACED, cls.PATH, cls.CELLS]), "--repetitions", str(cls.REPETITIONS),
                  "--reference-spp", "2", "--latency-every", "4", "--out", "out.json"],
                 cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
             if done.returncode != 0:
@@ -76,7 +77,8 @@ class Sweep(Case):
             for cache in self.CACHES:
                 if cache != "sequential" or threads == 1:
                     expected.add(f"sweep/{workload}/{cache}/threads:{threads}")
-        expected |= {f"sweep/{self.PATH}/none/threads:{threads}" for threads in self.THREADS}
+        expected |= {f"sweep/{uncached}/none/threads:{threads}" for threads in self.THREADS
+                     for uncached in (self.PATH, self.CELLS)}
         keys = [key_of(row) for row in self.rows]
         self.assertEqual(len(keys), len(set(keys)))
         self.assertEqual(set(keys), set(itertools.product(expected, range(self.REPETITIONS))))
@@ -91,14 +93,14 @@ class Sweep(Case):
                       "mean_ratio"}
         for row in self.rows:
             fields = set(always)
-            if row["workload"] != self.PATH:
+            if row["workload"] not in (self.PATH, self.CELLS):
                 fields |= cached
                 if row["records"]:
                     fields.add("bytes_per_record")
                 for operation, count in ("query", row["queries"]), ("insert", row["inserts"]):
                     if count >= 1000:  # so many that some were certainly timed
                         fields |= {f"latency_{operation}_{p}_ns" for p in self.PERCENTILES}
-            if row["workload"] in (self.RAY_TRACED, self.PATH):
+            if row["workload"] in (self.RAY_TRACED, self.PATH, self.CELLS):
                 fields |= ray_traced
             if row["workload"] in (self.SYNTHETIC[3], self.RAY_TRACED) and row["cache"] != "null":
                 fields.add("redundant_records")

@@ -87,6 +87,7 @@ class Time(Case):
         self.succeed(*small_capture(out="a.trace"))
         self.succeed("sweep", "--workloads", "miss_driven:operations=2000,insert_only:records=500,"
                      "cornell_box:rays=4:size=32x32,cornell_box:integrator=path:spp=1:size=32x32,"
+                     "cornell_box:integrator=hash_cells:spp=1:size=32x32,"
                      "trace:file=a.trace:scale=0", "--caches", "null,packed_global_mutex,packed_local_write",
                      "--threads", "1,8", "--repetitions", "1", "--reference-spp", "2", "--breakdown", "--out", "out.json")
         results = self.load("out.json")

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 import os
@@ -167,18 +168,19 @@ def model_errors(caches: list[dict], threads=(1, 8, 32), scenes=("cornell_box", 
                             row["name"] = row["name"].replace("sweep/", "pareto/")
                             row["rmse"], row["mean_ratio"] = row["relmse"] ** 0.5, 0.99
                             rows.append(row)
-                for spp in (1, 4, 16, 64, 256):
+                for integrator, spp in itertools.product(("path", "hash_cells"), (1, 4, 16, 64, 256)):
                     random = np.random.default_rng([spp, count, repetition])
-                    rows.append({"name": f"pareto/{scene}:path:spp={spp}/none/threads:{count}",
+                    rows.append({"name": f"pareto/{scene}:{integrator}:spp={spp}/none/threads:{count}",
                                  "run_type": "iteration",
                                  "repetition_index": repetition, "cache": "none",
-                                 "workload": f"{scene}:path:spp={spp}",
+                                 "workload": f"{scene}:{integrator}:spp={spp}",
                                  "workload_kind": "ray_traced", "structure": "none", "mechanism": "none",
                                  "threads": count, "placement": "compact", "oversubscribed": count > 16,
                                  "real_time": spp * 400 / units, "time_unit": "ms", "scene": scene,
-                                 "integrator": "path", "spp": spp, "reference_relmse": 2e-5,
+                                 "integrator": integrator, "spp": spp, "reference_relmse": 2e-5,
                                  "seconds_indirect": spp * 0.4 / units * random.uniform(0.98, 1.02),
-                                 "relmse": 0.05 / spp * random.uniform(0.97, 1.03) + 2e-5})
+                                 "relmse": (0.05 if integrator == "path" else 0.01) / spp
+                                 * random.uniform(0.97, 1.03) + 2e-5})
     return rows
 
 

@@ -143,11 +143,25 @@ TEST_F(RayTraced, BrokenCachesAreFoundOut) {
 }
 
 TEST_F(RayTraced, PathTracingNeedsNoCacheAndNoOrder) {
-  const TrialOutcome one = run(run_path_trial, 1), many = run(run_path_trial, 8);
+  const TrialOutcome one = run(run_uncached_trial, 1), many = run(run_uncached_trial, 8);
   EXPECT_EQ(one.relmse, many.relmse);
   EXPECT_EQ(one.rays.total(), many.rays.total());
   EXPECT_EQ(one.operations, 40u * 24u * plan.spec().spp);
   EXPECT_EQ(one.counts.queries, 0u);
+}
+
+TEST_F(RayTraced, HashCellsShareWhatPathsBringAndNeedNoOrder) {
+  const TrialOutcome alone = run(run_uncached_trial, 1);
+  plan = RayTracedPlan(parse_workload("cornell_box:integrator=hash_cells:size=40x24"), scene("cornell_box"), primary,
+                       reference, 1);
+  const TrialOutcome one = run(run_uncached_trial, 1), many = run(run_uncached_trial, 8);
+  EXPECT_EQ(one.relmse, many.relmse);
+  EXPECT_EQ(one.rays.total(), many.rays.total());
+  EXPECT_EQ(one.rays.total(), alone.rays.total());
+  EXPECT_EQ(one.operations, 40u * 24u * plan.spec().spp);
+  EXPECT_GT(one.merge_ns, 0.0);
+  EXPECT_NE(one.relmse, alone.relmse);
+  EXPECT_NEAR(one.mean_ratio, alone.mean_ratio, 0.01);  // shares light, makes and loses none
 }
 
 TEST_F(RayTraced, ReferenceErrorFallsWithItsSamples) {

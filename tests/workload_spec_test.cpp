@@ -39,7 +39,8 @@ TEST(Spec, EveryListedWorkloadParsesWithItsDefaults) {
     EXPECT_EQ(spelt.width, plain.width);
     EXPECT_EQ(spelt.height, plain.height);
     EXPECT_EQ(spelt.tiles, plain.tiles);
-    EXPECT_EQ(spelt.path, plain.path);
+    EXPECT_EQ(spelt.method, plain.method);
+    EXPECT_EQ(spelt.cell, plain.cell);
   }
 }
 
@@ -62,7 +63,7 @@ TEST(Spec, RayTracedParameters) {
       parse_workload("white_furnace:integrator=path:rays=9:a=0.5:spp=3:size=40x30:tiles=random");
   EXPECT_EQ(s.kind, WorkloadKind::ray_traced);
   EXPECT_EQ(s.scene, "white_furnace");
-  EXPECT_TRUE(s.path);
+  EXPECT_EQ(s.method, Method::path);
   EXPECT_FALSE(s.uses_cache());
   EXPECT_EQ(s.rays, 9u);
   EXPECT_EQ(s.a, 0.5f);
@@ -70,6 +71,14 @@ TEST(Spec, RayTracedParameters) {
   EXPECT_EQ(s.width, 40u);
   EXPECT_EQ(s.height, 30u);
   EXPECT_EQ(s.tiles, TileOrder::random);
+}
+
+TEST(Spec, HashCellsUseNoCache) {
+  const WorkloadSpec s = parse_workload("cornell_box:cell=2.5:integrator=hash_cells:spp=4");
+  EXPECT_EQ(s.name, "cornell_box:integrator=hash_cells:spp=4:cell=2.5");
+  EXPECT_EQ(s.method, Method::hash_cells);
+  EXPECT_FALSE(s.uses_cache());
+  EXPECT_EQ(s.cell, 2.5f);
 }
 
 TEST(Spec, InsertsOfAMixAreItsShare) {

@@ -21,6 +21,18 @@ constexpr std::string_view to_string(PointOrder order) noexcept {
   return "unknown";
 }
 
+constexpr std::string_view to_string(Method method) noexcept {
+  switch (method) {
+    case Method::irradiance_cache:
+      return "irradiance_cache";
+    case Method::path:
+      return "path";
+    case Method::hash_cells:
+      return "hash_cells";
+  }
+  return "unknown";
+}
+
 constexpr std::string_view to_string(TileOrder order) noexcept {
   switch (order) {
     case TileOrder::scanline:

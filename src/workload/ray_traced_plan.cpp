@@ -7,6 +7,8 @@
 #include "image/metrics/mean_ratio.h"
 #include "image/metrics/relmse.h"
 #include "image/metrics/rmse.h"
+#include "render/integrators.h"
+#include "workload/team_crew.h"
 
 namespace icbench {
 namespace {
@@ -26,6 +28,19 @@ void for_all_tiles(const RayTracer& rays, int width, int height, F&& f) {
 /// The value of a metric that has a single one.
 double figure(MetricFunction metric, const Image& reference, const Image& image) {
   return metric(reference, image, nullptr).front().value;
+}
+
+TrialOutcome uncached_outcome(const RayTracedPlan& plan, const TrialSetup& setup, const TeamCrew& crew,
+                              const TeamTimes& times, const FrameEnd& end, const Image& indirect) {
+  TrialOutcome out;
+  account_for(setup, times, end, out);
+  out.merge_ns = end.wall_ns;
+  out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
+  out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
+  out.rays = crew.rays();
+  out.operations = plan.primary().count() * plan.spec().spp;
+  plan.judge(indirect, out);
+  return out;
 }
 
 }  // namespace
@@ -106,28 +121,50 @@ void RayTracedPlan::judge(const Image& indirect, TrialOutcome& out) const {
   out.mean_ratio = figure(mean_ratio, reference_->indirect, indirect);
 }
 
+namespace {
+
 TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
   const PrimaryHits& primary = plan.primary();
   Image indirect = make_image(primary.width, primary.height);
-  std::vector<std::unique_ptr<Tracer>> tracers(setup.team.size());
-  setup.team.run([&](unsigned t) { tracers[t] = std::make_unique<Tracer>(plan.rays()); });
+  TeamCrew crew(setup.team, plan.rays());
   TileCursor cursor(plan.tiles());
   const SampleKey key{setup.seed, 0, 0};
-  const TeamTimes times = setup.team.run([&](unsigned t) {
+  const TeamTimes times = crew.time([&](unsigned t, Tracer& tracer) {
     accounted(setup.account(t), [&] {
-      while (const Tile* tile = cursor.next()) {
-        path_indirect_tile(*tracers[t], primary, plan.spec().spp, key, *tile, indirect);
-      }
+      while (const Tile* tile = cursor.next())
+        path_indirect_tile(tracer, primary, plan.spec().spp, key, *tile, indirect);
     });
   });
-  TrialOutcome out;
-  account_for(setup, times, {}, out);
-  out.wall_ns = static_cast<double>(times.wall_ns());
-  out.cpu_ns = static_cast<double>(times.cpu_ns());
-  for (const auto& tracer : tracers) out.rays += tracer->counts;
-  out.operations = primary.count() * plan.spec().spp;
-  plan.judge(indirect, out);
-  return out;
+  return uncached_outcome(plan, setup, crew, times, {}, indirect);
+}
+
+TrialOutcome run_hash_cells_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
+  const PrimaryHits& primary = plan.primary();
+  Image indirect = make_image(primary.width, primary.height);
+  TeamCrew crew(setup.team, plan.rays());
+  PassSetup cells{plan.rays(), crew, primary.width, primary.height};
+  cells.seed = setup.seed;
+  cells.cell_size = plan.spec().cell;
+  cells.paths = plan.spec().spp;
+  const std::unique_ptr<IndirectPass> pass = make_hash_cells(cells);
+  const SampleKey key{setup.seed, 0, 0};
+  TileCursor cursor(plan.tiles());
+  pass->begin_frame({});
+  pass->begin_sample(primary, key);
+  const TeamTimes times = crew.time([&](unsigned t, Tracer& tracer) {
+    accounted(setup.account(t), [&] {
+      while (const Tile* tile = cursor.next()) pass->tile(t, tracer, primary, key, *tile, indirect);
+    });
+  });
+  // The table is filled here, by all threads.
+  const FrameEnd end = timed_end([&] { pass->end_sample(primary, indirect); });
+  return uncached_outcome(plan, setup, crew, times, end, indirect);
+}
+
+}  // namespace
+
+TrialOutcome run_uncached_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
+  return plan.spec().method == Method::hash_cells ? run_hash_cells_trial(plan, setup) : run_path_trial(plan, setup);
 }
 
 }  // namespace icbench

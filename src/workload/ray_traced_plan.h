@@ -60,7 +60,8 @@ class RayTracedPlan {
   std::vector<Tile> tiles_;
 };
 
-/// Path traces the workload's samples at the stored hits: the rival without a cache.
-TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup);
+/// The workload's light paths at the stored hits, by a method that uses no cache: each pixel's alone (path tracing), or
+/// shared by all pixels of a cell (hash cells).
+TrialOutcome run_uncached_trial(const RayTracedPlan& plan, const TrialSetup& setup);
 
 }  // namespace icbench

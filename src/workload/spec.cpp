@@ -95,11 +95,14 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     known.push_back({key, set, [=](const WorkloadSpec& spec) { return fmt::to_string(spec.*member); }});
   };
   if (s.kind == WorkloadKind::ray_traced) {
-    known.push_back(
-        named(text, "integrator", &WorkloadSpec::path, {{"irradiance_cache", false}, {"path", true}}));
+    known.push_back(named(text, "integrator", &WorkloadSpec::method,
+                          {{"irradiance_cache", Method::irradiance_cache},
+                           {"path", Method::path},
+                           {"hash_cells", Method::hash_cells}}));
     add_number("rays", 1, 1 << 20, true, &WorkloadSpec::rays);
     add_number("a", kMinAccuracy, 1, false, &WorkloadSpec::a);
     add_number("spp", 1, 1 << 20, true, &WorkloadSpec::spp);
+    add_number("cell", 1e-3, 1e4, false, &WorkloadSpec::cell);
     const auto set_size = [text](WorkloadSpec& spec, std::string_view value) {
       const std::size_t x = value.find('x');
       if (x == value.npos) fail(text, fmt::format("size={} is not of the form WIDTHxHEIGHT", value));

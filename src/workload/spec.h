@@ -29,6 +29,13 @@ enum class PointOrder : std::uint8_t {
   coherent   ///< tile by tile over the image, as a renderer asks
 };
 
+/// How a ray-traced workload computes indirect light.
+enum class Method : std::uint8_t {
+  irradiance_cache,
+  path,       ///< path tracing: the rival without a cache
+  hash_cells  ///< cells of a spatial hash: the rival that shares, and does not interpolate
+};
+
 struct WorkloadSpec {
   /// Canonical: base name, then the parameters that were given, in a fixed order and notation.
   std::string name;
@@ -47,15 +54,16 @@ struct WorkloadSpec {
   std::uint32_t rays = 64;  ///< gather rays per record
   std::uint32_t width = 256, height = 256;
   TileOrder tiles = TileOrder::morton;
-  bool path = false;       ///< integrator=path: the rival without a cache
-  std::uint32_t spp = 16;  ///< path: samples per pixel
+  Method method = Method::irradiance_cache;
+  std::uint32_t spp = 16;  ///< path, hash_cells: light paths per pixel
+  float cell = 8.0f;       ///< hash_cells: edge of a cell, pixels
 
   // Of a trace.
   std::string file;
   double scale = 1.0;        ///< of the time its records took; 0: none
   bool as_captured = false;  ///< records are made where the render made them, whatever queries answer
 
-  bool uses_cache() const noexcept { return !path; }
+  bool uses_cache() const noexcept { return method == Method::irradiance_cache; }
 
   /// Records that are stored before the clock starts.
   std::uint32_t prefilled() const noexcept {

@@ -235,7 +235,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
     setup.accounts = accounts;
     setup.timeline = timeline;
   }
-  TrialOutcome o = point.cache == nullptr ? run_path_trial(*data.ray_traced, setup)
+  TrialOutcome o = point.cache == nullptr ? run_uncached_trial(*data.ray_traced, setup)
                    : data.ray_traced      ? point.cache->ray_traced(*data.ray_traced, setup)
                    : data.trace           ? point.cache->trace(*data.trace, setup)
                                           : point.cache->synthetic(*data.synthetic, setup);
@@ -297,12 +297,13 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
   }
   if (point.cache == nullptr && request_.breakdown) add_breakdown(c, o.time, 0.0, accounts);
   if (spec.kind == WorkloadKind::ray_traced) {
-    c["integrator"] = spec.path ? "path" : "irradiance_cache";
+    c["integrator"] = to_string(spec.method);
     c["width"] = spec.width;
     c["height"] = spec.height;
     c["order"] = to_string(spec.tiles);
-    if (spec.path) {
+    if (!spec.uses_cache()) {
       c["spp"] = spec.spp;
+      if (spec.method == Method::hash_cells) c["cell_size"] = shortest_decimal(spec.cell);
     } else {
       c["rays_per_record"] = spec.rays;
       c["accuracy"] = shortest_decimal(spec.a);
