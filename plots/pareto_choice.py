@@ -15,6 +15,8 @@ from tables import note_line, table, text
 
 # The errors that one can choose by: field, name, what a value is of, field of the reference's own error.
 kMetrics = {"relmse": ("relMSE", "", "reference_relmse"), "rmse": ("RMSE", "W/(m² sr)", "reference_rmse"),
+            "relmse_irradiance": ("relMSE of irradiance", "", "reference_relmse_irradiance"),
+            "rmse_irradiance": ("RMSE of irradiance", "W/m²", "reference_rmse_irradiance"),
             "flip": ("FLIP", "", ""), "hdrvdp_p75": ("HDR-VDP", "% of pixels told apart", "")}
 kSteps = (1, 3)  # budgets in every decade
 kMost = 7        # columns of a table
@@ -57,7 +59,7 @@ def answer(part: pd.DataFrame, seconds: float, error: str) -> Answer | None:
 def own_error(line: pd.Series, error: str) -> bool:
     """Whether the error is no more than what the reference's own may make of it."""
     own = line.get(kMetrics[error][2], math.nan)
-    return bool(line[error] < (2.0 if error == "relmse" else math.sqrt(2.0)) * own)  # of squares, twice as much
+    return bool(line[error] < (2.0 if error.startswith("relmse") else math.sqrt(2.0)) * own)  # of squares, twice as much
 
 
 def shown(line: pd.Series, error: str) -> str:

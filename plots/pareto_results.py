@@ -17,12 +17,13 @@ from results import InputError, kIdentityKeys, read_json, summarise
 
 kFiles = "results of icbench pareto, a scene each"
 # Errors that the front is drawn for: field, name, what a value is of.
-kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, % of pixels",
+kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "relmse_irradiance": "relMSE of irradiance",
+           "rmse_irradiance": "RMSE of irradiance, W/m²", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, % of pixels",
            "hdrvdp_p95": "HDR-VDP, % of pixels at 95 %", "full_relmse": "relMSE of the whole picture"}
 kOthers = ("mean_ratio", "full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
 kOfLast = ("bias", "deviation", "bias_runs")  # of all runs together: the last one tells
-kReference = ("reference_spp", "reference_rmse", "reference_relmse", "full_reference_relmse", "width", "height",
-              "relmse_scale")
+kReference = ("reference_spp", "reference_rmse", "reference_relmse", "reference_rmse_irradiance",
+              "reference_relmse_irradiance", "full_reference_relmse", "width", "height", "relmse_scale")
 kNeeded = ("scene", "method", "seconds_indirect", "relmse")
 kKeys = ["scene", "method", "setting"]
 

@@ -3,6 +3,7 @@
 
 import itertools
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -458,6 +459,7 @@ class Pareto(Case):
                   "seconds_indirect", "rays", "rmse", "relmse", "relmse_scale", "full_relmse_scale", "flip",
                   "hdrvdp_p75", "hdrvdp_p95", "mean_ratio",
                   "full_rmse", "full_relmse", "full_flip", "full_mean_ratio", "reference_spp", "reference_rmse",
+                  "rmse_irradiance", "relmse_irradiance", "reference_rmse_irradiance", "reference_relmse_irradiance",
                   "reference_relmse", "full_reference_relmse", "below_reference", "real_time", "cpu_time", "threads"}
         own = {"path": {"spp"}, "hash_cells": {"spp", "cell_size", "records"},
                "instant_caching": {"vpls", "accuracy", "records"},
@@ -471,6 +473,9 @@ class Pareto(Case):
             self.assertEqual(row["name"], f"pareto/cornell_box/{row['method']}/{parameters}")
             self.assertGreater(row["seconds"], row["seconds_indirect"])
             self.assertEqual(row["below_reference"], row["relmse"] < 2 * row["reference_relmse"])
+            self.assertGreater(row["rmse_irradiance"], math.pi * row["rmse"])  # no surface reflects all light
+            # Relative errors of a pixel are those of its surface's irradiance.
+            self.assertLess(abs(math.log(row["relmse_irradiance"] / row["relmse"])), math.log(2))
             self.assertEqual(row["cache"], "wait_free" if "caching" in row["method"] else "none")
             self.assertEqual(row.get("interpolation"), "split_sphere" if "caching" in row["method"] else None)
 

@@ -216,10 +216,12 @@ def model_pareto(scenes=("cornell_box", "sibenik"), methods=None, repetitions=3,
                         "repetition_index": repetition, "threads": 2, "real_time": took * 1.2e3, "time_unit": "ms",
                         "scene": scene, "method": method, "integrator": method, "cache": "none", "width": 64,
                         "height": 64, "seed": 7 + repetition, "seconds": took * 1.2, "seconds_indirect": took,
-                        "relmse": error, "rmse": error**0.5 / 10, "flip": error**0.5 / 5,
+                        "relmse": error, "rmse": error**0.5 / 10,
+                        "relmse_irradiance": 0.9 * error, "rmse_irradiance": error**0.5 / 3, "flip": error**0.5 / 5,
                         "hdrvdp_p75": min(100.0, 500 * error), "hdrvdp_p95": min(100.0, 300 * error),
                         "mean_ratio": 1.0, "full_rmse": error, "full_relmse": error + 0.01, "rays": 1000,
-                        "reference_spp": 64, "reference_rmse": 0.001, "reference_relmse": 0.003, "relmse_scale": 2.5,
+                        "reference_spp": 64, "reference_rmse": 0.001, "reference_relmse": 0.003,
+                        "reference_rmse_irradiance": 0.004, "reference_relmse_irradiance": 0.0028, "relmse_scale": 2.5,
                         "below_reference": error < 0.006}
                         | ({"bias": 0.01, "deviation": 0.02, "bias_runs": repetition + 1} if repetition else {}))
     return {"context": kContext | context, "benchmarks": rows}

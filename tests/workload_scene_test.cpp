@@ -3,6 +3,7 @@
 
 #include <map>
 #include <memory>
+#include <numbers>
 
 #include "broken_caches.h"
 #include "scene/registry.h"
@@ -162,6 +163,24 @@ TEST_F(RayTraced, HashCellsShareWhatPathsBringAndNeedNoOrder) {
   EXPECT_GT(one.merge_ns, 0.0);
   EXPECT_NE(one.relmse, alone.relmse);
   EXPECT_NEAR(one.mean_ratio, alone.mean_ratio, 0.01);  // shares light, makes and loses none
+}
+
+TEST_F(RayTraced, IrradianceIsRadianceOverWhatASurfaceReflects) {
+  const Image E = irradiance_of(scene("cornell_box"), primary, reference.indirect);
+  std::size_t lit = 0;
+  for (std::size_t i = 0; i < E.pixels.size(); ++i) {
+    const Hit& hit = primary.hits[i];
+    if (!reflects(scene("cornell_box"), hit)) {
+      EXPECT_EQ(E.pixels[i], glm::vec3(0.0f)) << i;
+      continue;
+    }
+    ++lit;
+    const glm::vec3 again = scene("cornell_box").albedo(hit) * E.pixels[i] * std::numbers::inv_pi_v<float>;
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(again[c], reference.indirect.pixels[i][c], 1e-6f * reference.indirect.pixels[i][c]) << i;
+  }
+  EXPECT_GT(lit, E.pixels.size() / 2);
+  EXPECT_GT(reference.rmse_irradiance, std::numbers::pi * reference.rmse);
 }
 
 TEST_F(RayTraced, ReferenceErrorFallsWithItsSamples) {

@@ -125,7 +125,7 @@ class Judged : public Experiment {
     return std::sqrt(std::max(0.0, error * error - reference_.rmse * reference_.rmse));
   }
   double relmse_of(const Picture& p) const {
-    return std::max(0.0, relmse(reference_.indirect, p.indirect, nullptr).front().value - reference_.relmse);
+    return std::max(0.0, scaled_relmse(reference_.indirect, p.indirect) - reference_.scaled_relmse);
   }
 
   Stage stage_;
@@ -195,15 +195,11 @@ class RecordsAtEqualError : public Judged {
     return {static_cast<double>(records), std::sqrt(std::max(0.0, square))};
   }
 
-  // Of the radiance that a diffuse surface reflects; 0 where it reflects nothing, and at hits that do not count.
+  // 0 at hits that do not count.
   Image irradiance(const Image& reflected) const {
-    Image out = reflected;
-    for (std::size_t i = 0; i < out.pixels.size(); ++i) {
-      const Hit& hit = primary_.hits[i];
-      const bool counts = reflects(stage_.rays(), hit) && (which_ == Hits::all || is_along_axis(hit.n));
-      const glm::vec3 albedo = counts ? stage_.rays().albedo(hit) : glm::vec3(0.0f);
-      for (int c = 0; c < 3; ++c)
-        out.pixels[i][c] = albedo[c] > 0.0f ? std::numbers::pi_v<float> / albedo[c] * out.pixels[i][c] : 0.0f;
+    Image out = irradiance_of(stage_.rays(), primary_, reflected);
+    for (std::size_t i = 0; which_ == Hits::along_axes && i < out.pixels.size(); ++i) {
+      if (!is_along_axis(primary_.hits[i].n)) out.pixels[i] = glm::vec3(0.0f);
     }
     return out;
   }

@@ -187,8 +187,8 @@ void add_pictures(std::vector<Row>& rows) {
   };
   for (const auto& [integrator, suffix] :
        {std::pair{"irradiance_cache", ""}, std::pair{"instant_caching", "_ic"}}) {
-    for (const Animation& animation : kAnimations) {
-      const std::string_view scene = animation.setting.scene;
+    for (const Setting& setting : judged_scenes()) {
+      const std::string_view scene = setting.scene;
       add(fmt::format("deterministic{}_{}", suffix, scene),
           fmt::format("indirect time of a frame of {} by {}: --deterministic / left to itself", scene,
                       integrator),

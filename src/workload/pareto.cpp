@@ -177,9 +177,9 @@ std::vector<bool> pareto_front(std::span<const double> seconds, std::span<const 
 
 std::uint64_t pareto_bytes(const ParetoRequest& r, std::size_t points) {
   const auto pixels = static_cast<std::uint64_t>(r.frame.width) * static_cast<std::uint64_t>(r.frame.height);
-  constexpr std::uint64_t kImages = 8;      // references and pictures at a time
+  constexpr std::uint64_t kImages = 10;     // references and pictures at a time
   constexpr std::uint64_t kObserver = 300;  // HDR-VDP
-  return pixels * (kObserver + (kImages + points) * sizeof(glm::vec3));
+  return pixels * (kObserver + (kImages + points) * sizeof(glm::vec3) + sizeof(Hit));
 }
 
 void RunErrors::add(const Image& reference, const Image& image) {
@@ -210,14 +210,15 @@ ParetoStudy::ParetoStudy(const ParetoRequest& request, const std::function<void(
   const FrameRequest& f = request_.frame;
   const std::uint64_t seed = hash_keys(request.seed, 0, 9);  // of no repetition
   f.rays.go_to(static_cast<float>(request.number));
-  const PrimaryHits primary = centre_hits(f.rays, f.width, f.height);
-  reference_ = make_reference(f.rays, primary, request.reference_spp, seed);
+  primary_ = centre_hits(f.rays, f.width, f.height);
+  reference_ = make_reference(f.rays, primary_, request.reference_spp, seed);
+  irradiance_ = irradiance_of(f.rays, primary_, reference_.indirect);
   progress(4.0 * request.reference_spp);
   direct_ = make_image(f.width, f.height);
   TeamCrew crew(f.team, f.rays);
   const std::vector<Tile> tiles = make_tiles(f.width, f.height, kFrameTile, TileOrder::morton);
   crew.for_each(tiles.size(), 1, [&](unsigned, Tracer& tracer, std::size_t i) {
-    direct_tile(tracer, primary, request.reference_spp, SampleKey{seed, request.number, 0}, tiles[i],
+    direct_tile(tracer, primary_, request.reference_spp, SampleKey{seed, request.number, 0}, tiles[i],
                 direct_);
   });
   progress(1.0 * request.reference_spp);
@@ -328,6 +329,9 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   const double error = scaled_relmse(reference_.indirect, made.indirect);
   c["relmse"] = error;
   c["relmse_scale"] = relmse_scale(reference_.indirect);
+  const Image E = irradiance_of(f.rays, primary_, made.indirect);
+  c["rmse_irradiance"] = figure(rmse, irradiance_, E);
+  c["relmse_irradiance"] = scaled_relmse(irradiance_, E);
   c["mean_ratio"] = figure(mean_ratio, reference_.indirect, made.indirect);
   const Image seen = under_direct_light(made.indirect), truth = reference_view();
   c["flip"] = flip(truth, seen, nullptr, {}).front().value;
@@ -342,6 +346,8 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["reference_spp"] = reference_.spp;
   c["reference_rmse"] = reference_.rmse;
   c["reference_relmse"] = reference_.scaled_relmse;
+  c["reference_rmse_irradiance"] = reference_.rmse_irradiance;
+  c["reference_relmse_irradiance"] = reference_.scaled_relmse_irradiance;
   c["full_reference_relmse"] = full_relmse_;
   c["below_reference"] = error - reference_.scaled_relmse < reference_.scaled_relmse;
   if (errors.runs() >= 2) {

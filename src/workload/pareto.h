@@ -123,7 +123,9 @@ class ParetoStudy {
   Image under_direct_light(const Image& indirect) const;
 
   ParetoRequest request_;
-  Reference reference_;                      // indirect light at the pixels' centres
+  PrimaryHits primary_;                      // at the pixels' centres
+  Reference reference_;                      // indirect light there
+  Image irradiance_;                         // of the reference
   Image direct_;                             // likewise, with what is emitted
   Image full_;                               // all light, samples all over the pixel
   double full_relmse_ = 0.0;                 // expected of full_ itself

@@ -1,5 +1,6 @@
 #include "workload/ray_traced_plan.h"
 
+#include <numbers>
 #include <stdexcept>
 
 #include "caches/registry.h"
@@ -45,6 +46,17 @@ TrialOutcome uncached_outcome(const RayTracedPlan& plan, const TrialSetup& setup
 
 }  // namespace
 
+Image irradiance_of(const RayTracer& rays, const PrimaryHits& primary, const Image& reflected) {
+  Image out = reflected;
+  for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+    const Hit& hit = primary.hits[i];
+    const glm::vec3 albedo = reflects(rays, hit) ? rays.albedo(hit) : glm::vec3(0.0f);
+    for (int c = 0; c < 3; ++c)
+      out.pixels[i][c] = albedo[c] > 0.0f ? std::numbers::pi_v<float> / albedo[c] * out.pixels[i][c] : 0.0f;
+  }
+  return out;
+}
+
 PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
   PrimaryHits primary(rays.scene(), width, height);
   const CameraView view(rays.scene().camera, width, height);
@@ -74,6 +86,10 @@ Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std:
   out.relmse = 0.5 * (figure(relmse, out.indirect, halves[0]) + figure(relmse, out.indirect, halves[1]));
   out.scaled_relmse = 0.5 * (scaled_relmse(out.indirect, halves[0]) + scaled_relmse(out.indirect, halves[1]));
   out.rmse = figure(rmse, out.indirect, halves[0]);  // that of the other is the same
+  const Image E = irradiance_of(rays, primary, out.indirect);
+  for (Image& half : halves) half = irradiance_of(rays, primary, half);
+  out.rmse_irradiance = figure(rmse, E, halves[0]);
+  out.scaled_relmse_irradiance = 0.5 * (scaled_relmse(E, halves[0]) + scaled_relmse(E, halves[1]));
   return out;
 }
 
