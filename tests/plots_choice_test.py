@@ -155,7 +155,7 @@ class Choice(InFolder):
         data = model_results(caches=few_caches(), workloads=("miss_driven:cost=1", "miss_driven:cost=100"),
                              threads=(1, 8), repetitions=5)
         for row in data["benchmarks"]:
-            if row.get("integrator") != "path" and row.get("scene"):
+            if row["cache"] != "none" and row.get("scene"):
                 rays = float(row["workload"].split("rays=")[1].split(":")[0])
                 slow = 1.3 if row["cache"] == "packed_global_mutex" and row["threads"] > 1 else 1
                 row["records"], row["redundant_records"] = 1000, 0

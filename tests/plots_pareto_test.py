@@ -75,7 +75,8 @@ class Pareto(InFolder):
         page = pareto_page.section(found[0], "pareto", "<figure>")
         self.assertLess(page.index('class="budget"'), page.index("<figure>"))
         tables = re.findall(r'<div class="by" data-error="(\w+)"><h3>([^<]+)</h3>.*?<tbody>(.*?)</tbody>', page, re.S)
-        self.assertEqual([error for error, _, _ in tables], ["relmse", "rmse", "flip", "hdrvdp_p75"])
+        self.assertEqual([error for error, _, _ in tables],
+                         ["relmse", "rmse", "relmse_irradiance", "rmse_irradiance", "flip", "hdrvdp_p75"])
         points = pareto_results.points(found[0])
         times = pareto_choice.budgets(points["seconds"])
         self.assertEqual(times, [0.03, 0.1, 0.3, 1, 3, 10] if points["seconds"].min() <= 0.03 else [0.1, 0.3, 1, 3, 10])
