@@ -59,7 +59,8 @@ def answer(part: pd.DataFrame, seconds: float, error: str) -> Answer | None:
 def own_error(line: pd.Series, error: str) -> bool:
     """Whether the error is no more than what the reference's own may make of it."""
     own = line.get(kMetrics[error][2], math.nan)
-    return bool(line[error] < (2.0 if error.startswith("relmse") else math.sqrt(2.0)) * own)  # of squares, twice as much
+    most = 2.0 if error.startswith("relmse") else math.sqrt(2.0)  # of squares, twice as much
+    return bool(line[error] < most * own)
 
 
 def shown(line: pd.Series, error: str) -> str:

@@ -38,9 +38,9 @@ def _draw(measured: Measured, part: pd.DataFrame, target, axes, layout) -> None:
 
 def build(measured: Measured) -> Built:
     rows = [{
-        "scene": name, "method": point["method"], "vpls": point["vpls"], "paths": point["paths"], "accuracy": point["accuracy"],
-        "seconds": median(point["seconds"]), "rmse": point["rmse"], "relmse": point["relmse"],
-        "flicker": point["flicker"]
+        "scene": name, "method": point["method"], "vpls": point["vpls"], "paths": point["paths"],
+        "accuracy": point["accuracy"], "seconds": median(point["seconds"]), "rmse": point["rmse"],
+        "relmse": point["relmse"], "flicker": point["flicker"]
     } for name, scene in measured.scenes.items() for point in (scene["equal_error"] or {}).get("points", [])
             if point["rmse"] > 0 and min(point["seconds"]) > 0]
     if not rows:

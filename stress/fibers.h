@@ -35,7 +35,8 @@ class Fibers {
     f.body = std::move(body);
     f.done = false;
     // A stack grows downwards: its top is its end.
-    f.context = boost::context::detail::make_fcontext(f.stack.get() + kStackBytes, kStackBytes, &Fibers::enter);
+    f.context =
+        boost::context::detail::make_fcontext(f.stack.get() + kStackBytes, kStackBytes, &Fibers::enter);
   }
 
   /// Runs fiber `i` until it pauses or ends. Not to be called from a fiber, nor for one that has ended.

@@ -153,8 +153,8 @@ TEST_F(RayTraced, PathTracingNeedsNoCacheAndNoOrder) {
 
 TEST_F(RayTraced, HashCellsShareWhatPathsBringAndNeedNoOrder) {
   const TrialOutcome alone = run(run_uncached_trial, 1);
-  plan = RayTracedPlan(parse_workload("cornell_box:integrator=hash_cells:size=40x24"), scene("cornell_box"), primary,
-                       reference, 1);
+  plan = RayTracedPlan(parse_workload("cornell_box:integrator=hash_cells:size=40x24"), scene("cornell_box"),
+                       primary, reference, 1);
   const TrialOutcome one = run(run_uncached_trial, 1), many = run(run_uncached_trial, 8);
   EXPECT_EQ(one.relmse, many.relmse);
   EXPECT_EQ(one.rays.total(), many.rays.total());

@@ -52,10 +52,12 @@ kScales = {
         (512, 384), frames=100, rounds=3, reference_spp=2500,
         vpl_counts=(64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384), vpl_seeds=3, super_spp=16,
         converged_vpls=32768, converged_frames=4, few_vpls=(4, 8, 16, 32), neighbour_vpls=True,
-        accuracies=(0.4, 0.2, 0.1, 0.05), cell_paths=16, curve_paths=(1, 4, 16, 64), mechanism_frames=20, animated_stills=True, preview_side=320), "quick": Scale(
+        accuracies=(0.4, 0.2, 0.1, 0.05), cell_paths=16, curve_paths=(1, 4, 16, 64), mechanism_frames=20,
+        animated_stills=True, preview_side=320), "quick": Scale(
             (160, 120), frames=8, rounds=3, reference_spp=128, vpl_counts=(64, 128, 256, 512), vpl_seeds=1,
             super_spp=4, converged_vpls=4096, converged_frames=1, few_vpls=(16, ), neighbour_vpls=False,
-            accuracies=(0.4, 0.2, 0.1), cell_paths=16, curve_paths=(1, 4, 16, 64), mechanism_frames=4, animated_stills=False, preview_side=160)
+            accuracies=(0.4, 0.2, 0.1), cell_paths=16, curve_paths=(1, 4, 16, 64), mechanism_frames=4,
+            animated_stills=False, preview_side=160)
 }
 
 

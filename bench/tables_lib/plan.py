@@ -149,7 +149,8 @@ class Planner:
         arguments = [
             "render", "--scene", scene, "--integrator", integrator, "--frame",
             str(frame), "--size", self.size, "--spp",
-            str(spp), *self._method(scene, integrator, vpls, paths, cache, accuracy, threads, seed), "--out", "picture.exr"
+            str(spp), *self._method(scene, integrator, vpls, paths, cache, accuracy, threads, seed), "--out",
+            "picture.exr"
         ]
         return Job(scene, label, tuple(arguments), f"render {integrator}",
                    self._guess(integrator, vpls, paths, spp, 1), () if repetition else ("picture.exr", ),
@@ -312,7 +313,8 @@ class Planner:
         def add(method: str, count: int, accuracy: float) -> None:
             key = (method, count, accuracy)
             counted = {"paths": count} if method == "cells" else {"vpls": count}
-            setting = f"{count} {'paths' if method == 'cells' else 'VPLs'}" + (f", accuracy {accuracy:g}" if method in kCached else "")
+            setting = f"{count} {'paths' if method == 'cells' else 'VPLs'}"
+            setting += f", accuracy {accuracy:g}" if method in kCached else ""
             if method == "tic":
                 made = self.animate(scene, method, f"TIC, {setting}", scale.frames, vpls=count,
                                     accuracy=accuracy, keep=True)

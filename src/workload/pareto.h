@@ -125,8 +125,8 @@ class ParetoStudy {
   ParetoRequest request_;
   PrimaryHits primary_;                      // at the pixels' centres
   Reference reference_;                      // indirect light there
-  Image irradiance_;                         // of the reference
   Image direct_;                             // likewise, with what is emitted
+  Image irradiance_;                         // behind the reference
   Image full_;                               // all light, samples all over the pixel
   double full_relmse_ = 0.0;                 // expected of full_ itself
   std::map<std::string, RunErrors> errors_;  // by name

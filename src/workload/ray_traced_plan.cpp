@@ -31,19 +31,6 @@ double figure(MetricFunction metric, const Image& reference, const Image& image)
   return metric(reference, image, nullptr).front().value;
 }
 
-TrialOutcome uncached_outcome(const RayTracedPlan& plan, const TrialSetup& setup, const TeamCrew& crew,
-                              const TeamTimes& times, const FrameEnd& end, const Image& indirect) {
-  TrialOutcome out;
-  account_for(setup, times, end, out);
-  out.merge_ns = end.wall_ns;
-  out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
-  out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
-  out.rays = crew.rays();
-  out.operations = plan.primary().count() * plan.spec().spp;
-  plan.judge(indirect, out);
-  return out;
-}
-
 }  // namespace
 
 Image irradiance_of(const RayTracer& rays, const PrimaryHits& primary, const Image& reflected) {
@@ -137,50 +124,44 @@ void RayTracedPlan::judge(const Image& indirect, TrialOutcome& out) const {
   out.mean_ratio = figure(mean_ratio, reference_->indirect, indirect);
 }
 
-namespace {
-
-TrialOutcome run_path_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
-  const PrimaryHits& primary = plan.primary();
-  Image indirect = make_image(primary.width, primary.height);
-  TeamCrew crew(setup.team, plan.rays());
-  TileCursor cursor(plan.tiles());
-  const SampleKey key{setup.seed, 0, 0};
-  const TeamTimes times = crew.time([&](unsigned t, Tracer& tracer) {
-    accounted(setup.account(t), [&] {
-      while (const Tile* tile = cursor.next())
-        path_indirect_tile(tracer, primary, plan.spec().spp, key, *tile, indirect);
-    });
-  });
-  return uncached_outcome(plan, setup, crew, times, {}, indirect);
-}
-
-TrialOutcome run_hash_cells_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
-  const PrimaryHits& primary = plan.primary();
-  Image indirect = make_image(primary.width, primary.height);
-  TeamCrew crew(setup.team, plan.rays());
-  PassSetup cells{plan.rays(), crew, primary.width, primary.height};
-  cells.seed = setup.seed;
-  cells.cell_size = plan.spec().cell;
-  cells.paths = plan.spec().spp;
-  const std::unique_ptr<IndirectPass> pass = make_hash_cells(cells);
-  const SampleKey key{setup.seed, 0, 0};
-  TileCursor cursor(plan.tiles());
-  pass->begin_frame({});
-  pass->begin_sample(primary, key);
-  const TeamTimes times = crew.time([&](unsigned t, Tracer& tracer) {
-    accounted(setup.account(t), [&] {
-      while (const Tile* tile = cursor.next()) pass->tile(t, tracer, primary, key, *tile, indirect);
-    });
-  });
-  // The table is filled here, by all threads.
-  const FrameEnd end = timed_end([&] { pass->end_sample(primary, indirect); });
-  return uncached_outcome(plan, setup, crew, times, end, indirect);
-}
-
-}  // namespace
-
 TrialOutcome run_uncached_trial(const RayTracedPlan& plan, const TrialSetup& setup) {
-  return plan.spec().method == Method::hash_cells ? run_hash_cells_trial(plan, setup) : run_path_trial(plan, setup);
+  const PrimaryHits& primary = plan.primary();
+  Image indirect = make_image(primary.width, primary.height);
+  TeamCrew crew(setup.team, plan.rays());
+  const SampleKey key{setup.seed, 0, 0};
+  std::unique_ptr<IndirectPass> cells;  // none: every pixel's paths are its own
+  if (plan.spec().method == Method::hash_cells) {
+    PassSetup pass{plan.rays(), crew, primary.width, primary.height};
+    pass.seed = setup.seed;
+    pass.cell_size = plan.spec().cell;
+    pass.paths = plan.spec().spp;
+    cells = make_hash_cells(pass);
+    cells->begin_frame({});
+    cells->begin_sample(primary, key);
+  }
+  TileCursor cursor(plan.tiles());
+  const TeamTimes times = crew.time([&](unsigned t, Tracer& tracer) {
+    accounted(setup.account(t), [&] {
+      while (const Tile* tile = cursor.next()) {
+        if (cells) {
+          cells->tile(t, tracer, primary, key, *tile, indirect);
+        } else {
+          path_indirect_tile(tracer, primary, plan.spec().spp, key, *tile, indirect);
+        }
+      }
+    });
+  });
+  // The cells are filled at the end, by all threads.
+  const FrameEnd end = cells ? timed_end([&] { cells->end_sample(primary, indirect); }) : FrameEnd{};
+  TrialOutcome out;
+  account_for(setup, times, end, out);
+  out.merge_ns = end.wall_ns;
+  out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
+  out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
+  out.rays = crew.rays();
+  out.operations = primary.count() * plan.spec().spp;
+  plan.judge(indirect, out);
+  return out;
 }
 
 }  // namespace icbench

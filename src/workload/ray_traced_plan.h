@@ -21,13 +21,14 @@ struct Reference {
       0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
   double rmse = 0.0;  ///< likewise, W/(m^2 sr)
   std::uint32_t spp = 0;
-  double scaled_relmse = 0.0;  ///< likewise as relmse, of pictures scaled to mean luminance 1
+  double scaled_relmse = 0.0;             ///< likewise as relmse, of pictures scaled to mean luminance 1
   double rmse_irradiance = 0.0;           ///< as rmse, of irradiance_of the pictures, W/m^2
   double scaled_relmse_irradiance = 0.0;  ///< as scaled_relmse, of irradiance_of the pictures
 };
 
-/// Irradiance, W/m^2, of the diffuse surfaces at primary hits, from the radiance that they reflect, W/(m^2 sr): pi / albedo
-/// times it in each channel. 0 where a channel reflects nothing, and where the first surface seen is none or specular.
+/// Irradiance, W/m^2, of the diffuse surfaces at primary hits, from the radiance that they reflect, W/(m^2 sr): pi over
+/// albedo times it in each channel. 0 where a channel reflects nothing, and where the first surface seen is none or
+/// specular.
 Image irradiance_of(const RayTracer& rays, const PrimaryHits& primary, const Image& reflected);
 
 /// Primary hits through the pixel centres, by all processors.
