@@ -73,7 +73,7 @@ kMethodStyles = {
     "instant_caching_gradients": CacheStyle(kGreen, "^", kDashed, hollow=True),
     "temporal_instant_caching": CacheStyle(kBlue, "o", kSolid),
     "temporal_instant_caching_gradients": CacheStyle(kBlue, "o", kDashed, hollow=True),
-    "hash_cells": CacheStyle(kSky, "h", kSolid),
+    "hash_cells": CacheStyle(kBlack, "h", kDotted),
 }
 # What a cell of the contention map has room for.
 kShortNames = {"global_mutex": "mutex", "global_spin": "spin", "queuing_mutex": "queue",
