@@ -11,7 +11,7 @@ namespace icbench {
 namespace {
 
 constexpr unsigned kCoarsest = 8;     // pixels between those of the first wave; a power of two
-constexpr std::uint32_t kSquare = 3;  // edge of the squares that one miss is chosen from, spacings
+constexpr std::uint32_t kSquare = 4;  // edge of the squares that one miss is chosen from, spacings
 constexpr std::size_t kFew = 64;      // misses that need not wait for each other
 constexpr std::size_t kAskedAtOnce = 64;
 
@@ -25,6 +25,12 @@ bool comes_before(const Record& a, const Record& b) noexcept {
 bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
   if (((x | y) & (spacing - 1)) != 0) return false;
   return spacing == kCoarsest || ((x | y) & (2 * spacing - 1)) != 0;
+}
+
+// Neighbours in the image by one thread: rays from near each other go through the same nodes. Eight at most, and many
+// chunks for each thread, so that all end at about the same time.
+std::size_t grain_of(std::size_t records, unsigned threads) noexcept {
+  return std::clamp<std::size_t>(records / (32 * std::size_t{threads}), 1, 8);
 }
 
 }  // namespace
@@ -73,30 +79,46 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
     height_ = primary.height;
     tiles_ = make_tiles(width_, height_, kFrameTile, TileOrder::morton);
   }
-  layers_ = primary.layers();
-  for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
-    ask(cache, primary, spacing, Lattice::added, out);
-    answer_misses(cache, primary, key, spacing, out);
-  }
-  if (!overture) return;
-  ask(cache, primary, 1, Lattice::all, out);
-  answer_misses(cache, primary, key, 1, out);  // if the cache was full
+  const Frame frame{cache, primary, key, out};
+  Steps steps(crew_.size());
+  crew_.run([&](unsigned index, Tracer& tracer) {
+    const Thread t{frame, steps, index, tracer};
+    for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
+      ask(t, spacing, Lattice::added);
+      answer_misses(t, spacing);
+    }
+    if (!overture) return;
+    ask(t, 1, Lattice::all);
+    answer_misses(t, 1);  // if the cache was full
+  });
 }
 
-void Waves::answer_misses(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key,
-                          unsigned spacing, Image& out) {
-  while (!misses_.empty()) {  // make() answers one in each square
-    make(cache, primary, key, spacing, out);
-    cache.publish();
-    ask_again(cache, primary, out);
+void Waves::answer_misses(const Thread& t, unsigned spacing) {
+  t.steps.end([&] {
+    gather_misses();
+    choose(spacing);
+  });
+  while (!chosen_.empty()) {  // one in each square that has any, so that none is left in the end
+    make_chosen(t);
+    t.steps.end([&] {
+      show_made(t.frame);
+      t.frame.cache.publish();
+    });
+    ask_again(t);
+    t.steps.end([&] {
+      keep_unanswered(t.frame);
+      choose(spacing);
+    });
   }
 }
 
 // Pixels that find no record are left 0, but for the layers that do.
-void Waves::ask(WaveCache& cache, const PrimaryHits& primary, unsigned spacing, Lattice lattice, Image& out) {
+void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
+  const auto& [cache, primary, key, out] = t.frame;
   const std::size_t grain = std::max<std::size_t>(1, spacing * spacing / 16);
-  crew_.for_each(tiles_.size(), grain, [&](unsigned thread, Tracer& tracer, std::size_t i) {
-    Worker& w = workers_[thread];
+  Worker& w = workers_[t.index];
+  w.answers.guard_by(t.tracer, w.use.leaks);
+  t.steps.share(tiles_.size(), grain, [&](std::size_t i) {
     w.points.clear();
     w.asked.clear();
     const auto each_pixel = [&](const Tile& tile, int width, auto&& f) {
@@ -107,18 +129,17 @@ void Waves::ask(WaveCache& cache, const PrimaryHits& primary, unsigned spacing, 
     };
     for_each_visible(tiles_[i], primary, each_pixel, [&](const Visible& x) {
       if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
-      if (!reflects(tracer.shared(), x.hit)) return;
+      if (!reflects(rays_, x.hit)) return;
       w.points.push_back({x.hit.p, x.hit.n});
       w.asked.push_back({i << 32 | w.asked.size(), x.pixel, x.layer, 0.0f});
     });
     w.replies.resize(w.points.size());
-    w.answers.guard_by(tracer, w.use.leaks);
-    cache.ask(thread, w.points, w.answers, w.replies);
+    cache.ask(t.index, w.points, w.answers, w.replies);
     w.use.queries += w.points.size();
     for (std::size_t k = 0; k < w.points.size(); ++k) {
       Miss& m = w.asked[k];
       if (w.replies[k].E) {
-        show(primary, m, *w.replies[k].E, out);
+        show(t.frame, m, *w.replies[k].E);
         ++w.use.hits;
       } else {
         m.most_R = w.replies[k].most_R;
@@ -126,6 +147,9 @@ void Waves::ask(WaveCache& cache, const PrimaryHits& primary, unsigned spacing, 
       }
     }
   });
+}
+
+void Waves::gather_misses() {
   misses_.clear();
   for (Worker& w : workers_) {
     misses_.insert(misses_.end(), w.missed.begin(), w.missed.end());
@@ -139,16 +163,16 @@ std::uint64_t Waves::rank_of(const Miss& m) const noexcept {
   return hash_keys(m.pixel, m.layer) << 32 | m.pixel;
 }
 
-// Chooses misses, has their records made, and inserts them. All chosen ones leave misses_.
-void Waves::make(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, unsigned spacing,
-                 Image& out) {
+// Takes those of misses_ whose records are made next.
+void Waves::choose(unsigned spacing) {
   const std::uint32_t side = kSquare * spacing, row = static_cast<std::uint32_t>(width_);
   const std::uint32_t across = row / side + 1, down = static_cast<std::uint32_t>(height_) / side + 1;
   const auto first_of = [&](const Miss& m) -> std::uint64_t& {
     const std::uint32_t square = (m.pixel / row / side) * across + m.pixel % row / side;
-    return first_[std::size_t{square} * layers_ + m.layer];
+    return first_[square];
   };
-  first_.assign(std::size_t{across} * down * layers_, ~std::uint64_t{0});
+  first_.resize(std::max(first_.size(), std::size_t{across} * down));
+  for (const Miss& m : misses_) first_of(m) = ~std::uint64_t{0};  // the others are not looked at
   for (const Miss& m : misses_) first_of(m) = std::min(first_of(m), rank_of(m));
   const bool few = misses_.size() <= kFew;
   chosen_.clear();
@@ -158,36 +182,45 @@ void Waves::make(WaveCache& cache, const PrimaryHits& primary, const SampleKey& 
     return is_first;
   });
   made_.resize(chosen_.size());
-  crew_.for_each(chosen_.size(), 1, [&](unsigned thread, Tracer& tracer, std::size_t i) {
-    const Miss& m = chosen_[i];
-    Record record = source_.evaluate(thread, tracer, primary.at(m.pixel, m.layer), key);
-    record.R = std::min(record.R, m.most_R);
-    made_[i] = record.E;
-    const InsertResult result = cache.insert(thread, record);
-    workers_[thread].use.count(result);
-    source_.settle(thread, record, result);
-  });
-  for (std::size_t i = 0; i < chosen_.size(); ++i) show(primary, chosen_[i], made_[i], out);
+  replies_.resize(misses_.size());
 }
 
-void Waves::ask_again(WaveCache& cache, const PrimaryHits& primary, Image& out) {
-  replies_.resize(misses_.size());
+void Waves::make_chosen(const Thread& t) {
+  const Frame& frame = t.frame;
+  t.steps.share(chosen_.size(), grain_of(chosen_.size(), crew_.size()), [&](std::size_t i) {
+    const Miss& m = chosen_[i];
+    Record record = source_.evaluate(t.index, t.tracer, frame.primary.at(m.pixel, m.layer), frame.key);
+    record.R = std::min(record.R, m.most_R);
+    made_[i] = record.E;
+    const InsertResult result = frame.cache.insert(t.index, record);
+    workers_[t.index].use.count(result);
+    source_.settle(t.index, record, result);
+  });
+}
+
+void Waves::show_made(const Frame& frame) {
+  for (std::size_t i = 0; i < chosen_.size(); ++i) show(frame, chosen_[i], made_[i]);
+}
+
+void Waves::ask_again(const Thread& t) {
   const std::size_t chunks = (misses_.size() + kAskedAtOnce - 1) / kAskedAtOnce;
-  crew_.for_each(chunks, 1, [&](unsigned thread, Tracer& tracer, std::size_t chunk) {
-    Worker& w = workers_[thread];
-    w.answers.guard_by(tracer, w.use.leaks);
+  Worker& w = workers_[t.index];
+  t.steps.share(chunks, 1, [&](std::size_t chunk) {
     const std::size_t first = chunk * kAskedAtOnce, n = std::min(kAskedAtOnce, misses_.size() - first);
     w.points.clear();
     for (std::size_t i = first; i < first + n; ++i) {
-      const Hit& hit = primary.at(misses_[i].pixel, misses_[i].layer).hit;
+      const Hit& hit = t.frame.primary.at(misses_[i].pixel, misses_[i].layer).hit;
       w.points.push_back({hit.p, hit.n});
     }
-    cache.ask(thread, w.points, w.answers, std::span(replies_).subspan(first, n));
+    t.frame.cache.ask(t.index, w.points, w.answers, std::span(replies_).subspan(first, n));
   });
+}
+
+void Waves::keep_unanswered(const Frame& frame) {
   std::size_t left = 0;
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
-      show(primary, misses_[i], *replies_[i].E, out);
+      show(frame, misses_[i], *replies_[i].E);
       ++workers_.front().use.hits;
     } else {
       misses_[left] = misses_[i];
@@ -197,9 +230,9 @@ void Waves::ask_again(WaveCache& cache, const PrimaryHits& primary, Image& out) 
   misses_.resize(left);
 }
 
-void Waves::show(const PrimaryHits& primary, const Miss& m, const Irradiance& E, Image& out) const noexcept {
-  const Visible x = primary.at(m.pixel, m.layer);
-  out.pixels[m.pixel] += x.weight * reflected_radiance(rays_, x.hit, E);
+void Waves::show(const Frame& frame, const Miss& m, const Irradiance& E) const noexcept {
+  const Visible x = frame.primary.at(m.pixel, m.layer);
+  frame.out.pixels[m.pixel] += x.weight * reflected_radiance(rays_, x.hit, E);
 }
 
 }  // namespace icbench

@@ -7,8 +7,8 @@
 //   ask       every pixel queries the cache in parallel; nobody inserts meanwhile, so that all find the same records,
 //             and pixels may ask in batches (core/cache.h, BatchSession)
 //
-//   make      of those that found none a few are chosen: one in each square of twice the wave's spacing, in an order
-//             that a hash of the pixel gives. Their records are made and inserted in parallel, while nobody asks
+//   make      of those that found none a few are chosen: one in each square of four times the wave's spacing, in an
+//             order that a hash of the pixel gives. Their records are made and inserted in parallel, while nobody asks
 //
 //   publish   the cache's frame ends and begins, so that every session sees every record; what found none asks again,
 //             and so on until all have found one
@@ -29,6 +29,7 @@
 #include <span>
 #include <vector>
 
+#include "core/steps.h"
 #include "core/sync.h"
 #include "core/types.h"
 #include "render/crew.h"
@@ -127,14 +128,34 @@ class Waves {
     all
   };  // the pixels that a spacing adds to those of twice the spacing, or all
 
-  void ask(WaveCache& cache, const PrimaryHits& primary, unsigned spacing, Lattice lattice, Image& out);
-  void make(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, unsigned spacing, Image& out);
-  void ask_again(WaveCache& cache, const PrimaryHits& primary, Image& out);
+  // What is rendered, and where.
+  struct Frame {
+    WaveCache& cache;
+    const PrimaryHits& primary;
+    const SampleKey& key;
+    Image& out;
+  };
+  // A thread of the crew within a frame: all go through the same steps.
+  struct Thread {
+    const Frame& frame;
+    Steps& steps;
+    unsigned index;
+    Tracer& tracer;
+  };
 
-  void answer_misses(WaveCache& cache, const PrimaryHits& primary, const SampleKey& key, unsigned spacing,
-                     Image& out);
+  void ask(const Thread& t, unsigned spacing, Lattice lattice);
+  void answer_misses(const Thread& t, unsigned spacing);
+  void make_chosen(const Thread& t);
+  void ask_again(const Thread& t);
+
+  // What one thread does alone between steps.
+  void gather_misses();
+  void choose(unsigned spacing);
+  void show_made(const Frame& frame);
+  void keep_unanswered(const Frame& frame);
+
   std::uint64_t rank_of(const Miss& m) const noexcept;
-  void show(const PrimaryHits& primary, const Miss& m, const Irradiance& E, Image& out) const noexcept;
+  void show(const Frame& frame, const Miss& m, const Irradiance& E) const noexcept;
 
   const RayTracer& rays_;
   RecordSource& source_;
@@ -146,8 +167,7 @@ class Waves {
   std::vector<Miss> chosen_;          // of a round
   std::vector<Irradiance> made_;      // for each
   std::vector<Reply> replies_;        // for each of misses_
-  std::vector<std::uint64_t> first_;  // by square and layer: the least hash of a miss there
-  std::uint32_t layers_ = 1;
+  std::vector<std::uint64_t> first_;  // by square: the least rank of a miss there
 };
 
 }  // namespace icbench
