@@ -4,15 +4,14 @@
 #include <limits>
 #include <tuple>
 
+#include "core/interpolation.h"
 #include "core/random.h"
 #include "render/irradiance_cache.h"
 
 namespace icbench {
 namespace {
 
-constexpr unsigned kCoarsest = 8;     // pixels between those of the first wave; a power of two
-constexpr std::uint32_t kSquare = 4;  // edge of the squares that one miss is chosen from, spacings
-constexpr std::size_t kFew = 64;      // misses that need not wait for each other
+constexpr unsigned kCoarsest = 8;  // pixels between those of the first wave; a power of two
 constexpr std::size_t kAskedAtOnce = 64;
 
 bool comes_before(const Record& a, const Record& b) noexcept {
@@ -27,11 +26,25 @@ bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
   return spacing == kCoarsest || ((x | y) & (2 * spacing - 1)) != 0;
 }
 
-// Neighbours in the image by one thread: rays from near each other go through the same nodes. Eight at most, and many
-// chunks for each thread, so that all end at about the same time.
-std::size_t grain_of(std::size_t records, unsigned threads) noexcept {
-  return std::clamp<std::size_t>(records / (32 * std::size_t{threads}), 1, 8);
+// Edge of the blocks that a thread makes records for at a time, pixels: small enough that there are many, large enough
+// that few records of a round are made for places next to each other.
+std::uint32_t edge_of_blocks(unsigned spacing) noexcept { return std::max(4 * spacing, 8u); }
+
+// The bits of x, which has 16, on even places.
+std::uint32_t spread(std::uint32_t x) noexcept {
+  x = (x | x << 8) & 0x00ff00ffu;
+  x = (x | x << 4) & 0x0f0f0f0fu;
+  x = (x | x << 2) & 0x33333333u;
+  return (x | x << 1) & 0x55555555u;
 }
+
+// Numbers of blocks along a Z-curve.
+std::uint32_t block_number(std::uint32_t column, std::uint32_t line) noexcept {
+  return spread(column) | spread(line) << 1;
+}
+
+// The colour of a block on a chessboard, 0 or 1.
+std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >> 1) & 1u; }
 
 }  // namespace
 
@@ -85,29 +98,26 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
     const Thread t{frame, steps, index, tracer};
     for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
       ask(t, spacing, Lattice::added);
-      answer_misses(t, spacing);
+      answer_misses(t);
     }
     if (!overture) return;
     ask(t, 1, Lattice::all);
-    answer_misses(t, 1);  // if the cache was full
+    answer_misses(t);  // if the cache was full
   });
 }
 
-void Waves::answer_misses(const Thread& t, unsigned spacing) {
+void Waves::answer_misses(const Thread& t) {
   t.steps.end([&] {
     gather_misses();
-    choose(spacing);
+    choose_runs();
   });
-  while (!chosen_.empty()) {  // one in each square that has any, so that none is left in the end
-    make_chosen(t);
-    t.steps.end([&] {
-      show_made(t.frame);
-      t.frame.cache.publish();
-    });
+  while (!runs_.empty()) {  // each answers one miss, so that none is left in the end
+    t.steps.share(runs_.size(), 1, [&](std::size_t i) { make(t, runs_[i]); });
+    t.steps.end([&] { t.frame.cache.publish(); });
     ask_again(t);
     t.steps.end([&] {
       keep_unanswered(t.frame);
-      choose(spacing);
+      choose_runs();
     });
   }
 }
@@ -116,6 +126,7 @@ void Waves::answer_misses(const Thread& t, unsigned spacing) {
 void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
   const auto& [cache, primary, key, out] = t.frame;
   const std::size_t grain = std::max<std::size_t>(1, spacing * spacing / 16);
+  const std::uint32_t edge = edge_of_blocks(spacing);
   Worker& w = workers_[t.index];
   w.answers.guard_by(t.tracer, w.use.leaks);
   t.steps.share(tiles_.size(), grain, [&](std::size_t i) {
@@ -131,7 +142,10 @@ void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
       if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
       if (!reflects(rays_, x.hit)) return;
       w.points.push_back({x.hit.p, x.hit.n});
-      w.asked.push_back({i << 32 | w.asked.size(), x.pixel, x.layer, 0.0f});
+      const auto row = static_cast<std::uint32_t>(width_);
+      const std::uint32_t block = block_number(x.pixel % row / edge, x.pixel / row / edge);
+      const auto rank = static_cast<std::uint32_t>(hash_keys(x.pixel, x.layer));
+      w.asked.push_back({block, rank, x.pixel, x.layer, 0.0f, false});
     });
     w.replies.resize(w.points.size());
     cache.ask(t.index, w.points, w.answers, w.replies);
@@ -155,51 +169,50 @@ void Waves::gather_misses() {
     misses_.insert(misses_.end(), w.missed.begin(), w.missed.end());
     w.missed.clear();
   }
-  std::sort(misses_.begin(), misses_.end(), [](const Miss& a, const Miss& b) { return a.place < b.place; });
-}
-
-// In a random order, unique in an image. The rank of a miss in its square decides when its record is made.
-std::uint64_t Waves::rank_of(const Miss& m) const noexcept {
-  return hash_keys(m.pixel, m.layer) << 32 | m.pixel;
-}
-
-// Takes those of misses_ whose records are made next.
-void Waves::choose(unsigned spacing) {
-  const std::uint32_t side = kSquare * spacing, row = static_cast<std::uint32_t>(width_);
-  const std::uint32_t across = row / side + 1, down = static_cast<std::uint32_t>(height_) / side + 1;
-  const auto first_of = [&](const Miss& m) -> std::uint64_t& {
-    const std::uint32_t square = (m.pixel / row / side) * across + m.pixel % row / side;
-    return first_[square];
-  };
-  first_.resize(std::max(first_.size(), std::size_t{across} * down));
-  for (const Miss& m : misses_) first_of(m) = ~std::uint64_t{0};  // the others are not looked at
-  for (const Miss& m : misses_) first_of(m) = std::min(first_of(m), rank_of(m));
-  const bool few = misses_.size() <= kFew;
-  chosen_.clear();
-  std::erase_if(misses_, [&](const Miss& m) {
-    const bool is_first = few || first_of(m) == rank_of(m);
-    if (is_first) chosen_.push_back(m);
-    return is_first;
+  std::sort(misses_.begin(), misses_.end(), [](const Miss& a, const Miss& b) {
+    return std::tie(a.block, a.rank, a.pixel, a.layer) < std::tie(b.block, b.rank, b.pixel, b.layer);
   });
-  made_.resize(chosen_.size());
-  replies_.resize(misses_.size());
+  colour_ = 0;
 }
 
-void Waves::make_chosen(const Thread& t) {
+// Takes the blocks of the next colour that has misses.
+void Waves::choose_runs() {
+  runs_.clear();
+  replies_.assign(misses_.size(), Reply{});
+  for (int turn = 0; turn < 2 && runs_.empty(); ++turn) {
+    for (std::size_t begin = 0, end; begin < misses_.size(); begin = end) {
+      const std::uint32_t block = misses_[begin].block;
+      for (end = begin + 1; end < misses_.size() && misses_[end].block == block;) ++end;
+      if (colour_of(block) == colour_) runs_.push_back({begin, end});
+    }
+    colour_ = 1 - colour_;
+  }
+}
+
+// Makes records until each miss of a run has its own or is covered by those that were made for it. Whether it really is,
+// the cache tells when it is asked again.
+void Waves::make(const Thread& t, const Run& run) {
   const Frame& frame = t.frame;
-  t.steps.share(chosen_.size(), grain_of(chosen_.size(), crew_.size()), [&](std::size_t i) {
-    const Miss& m = chosen_[i];
-    Record record = source_.evaluate(t.index, t.tracer, frame.primary.at(m.pixel, m.layer), frame.key);
-    record.R = std::min(record.R, m.most_R);
-    made_[i] = record.E;
+  Worker& w = workers_[t.index];
+  const float a = frame.cache.accuracy();
+  w.own.clear();
+  for (std::size_t i = run.begin; i < run.end; ++i) {
+    Miss& m = misses_[i];
+    const Visible x = frame.primary.at(m.pixel, m.layer);
+    const SurfacePoint point{x.hit.p, x.hit.n};
+    for (const Record& r : w.own)
+      if (const float weight = split_sphere_weight(point, r, a); weight > 0.0f) w.answers[0](r, weight);
+    const Reply own = w.answers.settle(0, point);
+    if (own.E) continue;
+    Record record = source_.evaluate(t.index, t.tracer, x, frame.key);
+    record.R = std::min({record.R, m.most_R, own.most_R});
+    replies_[i].E = record.E;
+    m.is_made = true;
     const InsertResult result = frame.cache.insert(t.index, record);
-    workers_[t.index].use.count(result);
+    w.use.count(result);
     source_.settle(t.index, record, result);
-  });
-}
-
-void Waves::show_made(const Frame& frame) {
-  for (std::size_t i = 0; i < chosen_.size(); ++i) show(frame, chosen_[i], made_[i]);
+    if (result == InsertResult::inserted) w.own.push_back(record);
+  }
 }
 
 void Waves::ask_again(const Thread& t) {
@@ -209,10 +222,18 @@ void Waves::ask_again(const Thread& t) {
     const std::size_t first = chunk * kAskedAtOnce, n = std::min(kAskedAtOnce, misses_.size() - first);
     w.points.clear();
     for (std::size_t i = first; i < first + n; ++i) {
+      if (misses_[i].is_made) continue;
       const Hit& hit = t.frame.primary.at(misses_[i].pixel, misses_[i].layer).hit;
       w.points.push_back({hit.p, hit.n});
     }
-    t.frame.cache.ask(t.index, w.points, w.answers, std::span(replies_).subspan(first, n));
+    w.replies.resize(w.points.size());
+    t.frame.cache.ask(t.index, w.points, w.answers, w.replies);
+    std::size_t k = 0;
+    for (std::size_t i = first; i < first + n; ++i) {
+      if (misses_[i].is_made) continue;
+      replies_[i] = w.replies[k++];
+      if (replies_[i].E) ++w.use.hits;
+    }
   });
 }
 
@@ -221,7 +242,6 @@ void Waves::keep_unanswered(const Frame& frame) {
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
       show(frame, misses_[i], *replies_[i].E);
-      ++workers_.front().use.hits;
     } else {
       misses_[left] = misses_[i];
       misses_[left++].most_R = replies_[i].most_R;

@@ -7,14 +7,16 @@
 //   ask       every pixel queries the cache in parallel; nobody inserts meanwhile, so that all find the same records,
 //             and pixels may ask in batches (core/cache.h, BatchSession)
 //
-//   make      of those that found none a few are chosen: one in each square of four times the wave's spacing, in an
-//             order that a hash of the pixel gives. Their records are made and inserted in parallel, while nobody asks
+//   make      those that found none are taken block by block of the image. One thread goes through the misses of a
+//             block in an order that a hash of the pixel gives, makes a record where those it has just made for the
+//             block do not answer, and inserts it; while it does, nobody asks. A round takes every other block, as the
+//             black squares of a chessboard or the white ones, so that neighbours do not make the same record twice
 //
-//   publish   the cache's frame ends and begins, so that every session sees every record; what found none asks again,
-//             and so on until all have found one
+//   publish   the cache's frame ends and begins, so that every session sees every record; what was not made a record for
+//             asks again, and so on until all have found one
 //
-// Pixels that are far apart seldom need the same record, so that few records are made in vain, although a round makes
-// as many at once as the image has squares in need: thousands, for any number of threads.
+// A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
+// take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
 //
 // Records that answer are summed in order of position, normal, radius and irradiance: a cache may find them in any. Ids
 // may index a table, from which threads draw as they come; nothing here depends on them.
@@ -93,6 +95,8 @@ class WaveCache {
   virtual InsertResult insert(unsigned thread, const Record& record) noexcept = 0;
   /// Quiescent: from now on every query sees every record.
   virtual void publish() = 0;
+  /// Of its queries, as split_sphere_weight takes it.
+  virtual float accuracy() const noexcept = 0;
 };
 
 class Waves {
@@ -110,9 +114,15 @@ class Waves {
 
  private:
   struct Miss {
-    std::uint64_t place;  // neighbours in order are neighbours in the image
+    std::uint32_t block;  // of the image; neighbours in order are neighbours there
+    std::uint32_t rank;   // at random
     std::uint32_t pixel, layer;
     float most_R;
+    bool is_made;  // a record of its own
+  };
+  // The misses of a block, in order of rank.
+  struct Run {
+    std::size_t begin, end;  // in misses_
   };
   struct alignas(kNoSharing) Worker {
     explicit Worker(RecordSource& source) : answers(source) {}
@@ -120,6 +130,7 @@ class Waves {
     std::vector<SurfacePoint> points;
     std::vector<Reply> replies;
     std::vector<Miss> asked, missed;
+    std::vector<Record> own;  // made for this run
     CacheUse use;
   };
 
@@ -144,17 +155,14 @@ class Waves {
   };
 
   void ask(const Thread& t, unsigned spacing, Lattice lattice);
-  void answer_misses(const Thread& t, unsigned spacing);
-  void make_chosen(const Thread& t);
+  void answer_misses(const Thread& t);
+  void make(const Thread& t, const Run& run);
   void ask_again(const Thread& t);
 
   // What one thread does alone between steps.
   void gather_misses();
-  void choose(unsigned spacing);
-  void show_made(const Frame& frame);
+  void choose_runs();
   void keep_unanswered(const Frame& frame);
-
-  std::uint64_t rank_of(const Miss& m) const noexcept;
   void show(const Frame& frame, const Miss& m, const Irradiance& E) const noexcept;
 
   const RayTracer& rays_;
@@ -163,11 +171,10 @@ class Waves {
   std::vector<Tile> tiles_;  // of images of this size:
   int width_ = 0, height_ = 0;
   std::vector<Worker> workers_;
-  std::vector<Miss> misses_;          // in order of place
-  std::vector<Miss> chosen_;          // of a round
-  std::vector<Irradiance> made_;      // for each
-  std::vector<Reply> replies_;        // for each of misses_
-  std::vector<std::uint64_t> first_;  // by square: the least rank of a miss there
+  std::vector<Miss> misses_;    // in order of block and rank
+  std::vector<Reply> replies_;  // for each
+  std::vector<Run> runs_;       // of this round
+  std::uint32_t colour_ = 0;    // of blocks in the next round
 };
 
 }  // namespace icbench

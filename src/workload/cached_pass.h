@@ -40,6 +40,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
       : crew_(crew),
         source_(std::move(source)),
         has_overture_(setup.overture),
+        accuracy_(setup.cache.a),
         cache_(setup.cache),
         workers_(crew.size()) {
     if (setup.deterministic != nullptr) waves_.emplace(*setup.deterministic, *source_, crew);
@@ -172,6 +173,8 @@ class CachedPass : public IndirectPass, protected WaveCache {
     }
   }
 
+  float accuracy() const noexcept override { return accuracy_; }
+
   InsertResult insert(unsigned thread, const Record& record) noexcept override {
     return workers_[thread]->session.insert(record);
   }
@@ -181,6 +184,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
   std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
   bool has_overture_;
+  float accuracy_;  // of queries
   std::optional<Waves> waves_;  // if deterministic
   SampleKey key_;               // of the sample that was begun last
   Cache cache_;
