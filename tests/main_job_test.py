@@ -99,14 +99,6 @@ class MainJob(InFolder):
         self.assertTrue((self.out / "run.json").exists())
         self.assertTrue((self.out / "pareto_sibenik.json").exists())
 
-    def test_a_broken_promise_hides_nothing_and_ends_with_status_1(self):
-        self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
-        done = self.job()
-        self.assertEqual(done.returncode, 1)
-        self.assertIn("not every cache was shown to be correct", done.stderr)
-        self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
-        self.assertIn('class="banner">Broken promise', (self.out / "report.html").read_text())
-
     def test_verdicts_of_another_run_are_not_taken_for_those_of_a_crash(self):
         self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
         self.assertEqual(self.job().returncode, 0)
@@ -115,7 +107,7 @@ class MainJob(InFolder):
         self.assertTrue((self.out / "correctness.previous.json").exists())
         self.assertNotIn('id="correctness-promises"', (self.out / "report.html").read_text())
 
-    def test_a_resumed_run_keeps_its_verdicts_and_what_they_say(self):
+    def test_a_broken_promise_hides_nothing_ends_with_status_1_and_is_kept_by_a_resumed_run(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
         plots = self.root / "plots"
         plots.unlink()  # no plots, no report: the run ends unfinished
@@ -128,7 +120,9 @@ class MainJob(InFolder):
         self.assertNotIn("icstress", self.calls.read_text())
         self.assertEqual(done.returncode, 1)
         self.assertIn("broken promise: sequential promises integrity", done.stderr)
-        self.assertTrue((self.out / "report.html").exists())
+        self.assertIn("not every cache was shown to be correct", done.stderr)
+        self.assertEqual(done.stdout.splitlines()[-1], str(self.out / "report.html"))
+        self.assertIn('class="banner">Broken promise', (self.out / "report.html").read_text())
 
 
 if __name__ == "__main__":

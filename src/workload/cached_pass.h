@@ -184,7 +184,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
   std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
   bool has_overture_;
-  float accuracy_;  // of queries
+  float accuracy_;              // of queries
   std::optional<Waves> waves_;  // if deterministic
   SampleKey key_;               // of the sample that was begun last
   Cache cache_;
