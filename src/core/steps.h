@@ -63,7 +63,8 @@ class Steps {
   }
 
  private:
-  static constexpr unsigned kSpins = 4096;  // 75 microseconds on an AMD EPYC, about what making a record takes
+  static constexpr unsigned kSpins =
+      4096;  // 75 microseconds on an AMD EPYC, about what making a record takes
 
   const int threads_;
   const unsigned spins_;
