@@ -15,12 +15,19 @@ from typing import Callable
 import style  # first: it checks what is installed
 
 import matplotlib
+import matplotlib.backends.backend_svg  # noqa: F401  (or every process that draws would load it anew)
 import pandas as pd
+from fontTools import subset
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as Canvas
 
 from results import InputError, load
 from style import Layout, kColumn, kReport
+
+
+# Of a font a PDF embeds outlines and widths. Tables that only lay text out, or scripts of mathematics, are left out before
+# they are read: that took half the time of a PDF.
+subset.Options._drop_tables_default = [*subset.Options._drop_tables_default, "GDEF", "GPOS", "GSUB", "MATH"]
 
 
 class Omitted(Exception):

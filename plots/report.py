@@ -7,6 +7,8 @@ import json
 import os
 import shlex
 import sys
+import time
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
@@ -61,6 +63,7 @@ kPreemption = "preempt*.json"
 kTimelines = "timeline*.json"
 kBreakdowns = "breakdown*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
+kForkPays = 2.0          # seconds of drawing alone
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
 <p class="lead">An irradiance cache keeps the indirect light that a ray tracer has computed at some points, so
@@ -195,22 +198,32 @@ def _draw_one(number: int) -> Written | Omitted:
         return why
 
 
-def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]:
-    """All of `figures`, side by side on the processors that there are, and a line for each that is left out."""
+def _outcomes(figures: list, setup, folder: Path) -> Iterator[Written | Omitted]:
+    """What became of each of `figures`: drawn one after another, or, once that has taken long, side by side on the
+    processors that there are. (A process that forks from this one first takes half a second.)
+    """
     global _now
     _now = figures, setup, folder
-    workers = min(len(figures), len(os.sched_getaffinity(0)))
-    drawn, left_out = [], []
+    start, done = time.monotonic(), 0
+    while done < len(figures) and time.monotonic() - start < kForkPays:
+        yield _draw_one(done)
+        done += 1
+    workers = min(len(figures) - done, len(os.sched_getaffinity(0)))
     sys.stdout.flush()  # or forks would say it again
     with ProcessPoolExecutor(workers, get_context("fork")) if workers > 1 else nullcontext() as pool:
-        outcomes = (pool.map if pool else map)(_draw_one, range(len(figures)))
-        for figure, outcome in zip(figures, outcomes):
-            if isinstance(outcome, Omitted):
-                left_out.append(f"{figure.title}: left out, {outcome}")
-                print(f"figure {figure.name}: left out, {outcome}", flush=True)
-            else:
-                drawn.append(replace(outcome, figure=figure))
-                print(f"figure {figure.name}: done", flush=True)
+        yield from (pool.map if pool else map)(_draw_one, range(done, len(figures)))
+
+
+def _draw(figures: list, setup, folder: Path) -> tuple[list[Written], list[str]]:
+    """All of `figures`, and a line for each that is left out."""
+    drawn, left_out = [], []
+    for figure, outcome in zip(figures, _outcomes(figures, setup, folder)):
+        if isinstance(outcome, Omitted):
+            left_out.append(f"{figure.title}: left out, {outcome}")
+            print(f"figure {figure.name}: left out, {outcome}", flush=True)
+        else:
+            drawn.append(replace(outcome, figure=figure))
+            print(f"figure {figure.name}: done", flush=True)
     return drawn, left_out
 
 
