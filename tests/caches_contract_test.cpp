@@ -345,7 +345,7 @@ TEST_P(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
   // Small pools, tiny radii (a path of nodes for each record) and pieces of memory left over in every session: what was
   // accepted must still fit wherever it is merged or moved to.
   constexpr std::uint32_t kCapacity = 512;
-  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+  for (std::uint64_t seed = 0; seed < (kSanitized ? 8 : 60); ++seed) {
     Pcg32 rng(hash_keys(seed, 90));
     AnyCache cache(GetParam(), config(kCapacity));
     std::vector<AnyCache::Session> sessions;
@@ -383,7 +383,7 @@ TEST_P(Contract, RefusesSessionsItHasNoRoomFor) {
 
 TEST_P(Contract, ConcurrentInsertsAreAllThereAndIntact) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
-  constexpr std::uint32_t kEach = 1500;
+  constexpr std::uint32_t kEach = kSanitized ? 800 : 1500;
   const std::uint32_t threads = Contract::threads();
   // Sanitizers slow this down tenfold; the histories of stress_history_test are the longer run for them.
   for (int round = 0; round < (kSanitized ? 1 : 3); ++round) {
