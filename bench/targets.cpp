@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "cli/options.h"
 #include "core/names.h"
 #include "image/file.h"
 #include "rows/rows.h"
@@ -126,6 +127,7 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
 }
 
 int run(const Options& o) {
+  if (!o.json.empty()) require_writable("--json", o.json);
   const std::vector<Row> all = all_rows();
   const std::vector<const Row*> rows = rows_of(all, o.rows);
   if (o.list) {
@@ -173,12 +175,19 @@ int main(int argc, char** argv) {
   icbench::Options o;
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
   app.add_option("--json", o.json, "Also write the rows to this file");
-  app.add_option("--rows", o.rows, "Only these rows, separated by commas");
+  app.add_option("--rows", o.rows, "Only these rows, separated by commas")
+      ->check([](const std::string& text) {
+        return text.empty() ? "no row is named; leave --rows away for all" : "";
+      });
   app.add_flag("--list", o.list, "Print name, target and meaning of the rows; measure nothing");
   app.add_option("--seconds", o.seconds,
                  "Time for a row that stays undecided; one that has fewer than\n--samples by then goes on "
                  "until it has them")
       ->check(CLI::Range(1.0, 1e5))
+      ->check([](const std::string& text) {
+        return text.find_first_of("nN") != text.npos ? "--seconds is no number"
+                                                     : "";  // NaN is in no range, and passes
+      })
       ->capture_default_str();
   // Of fewer than six samples no interval is a 95 % one: bootstrap_median.
   app.add_option("--samples", o.samples, "Samples of a row before a verdict is sought")

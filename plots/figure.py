@@ -196,7 +196,8 @@ def folder_of(setup, setups: list, out: Path) -> Path:
 
 def main(figure: Figure, read: Callable = load, files: str = kResultsFiles) -> int:
     """The command line of one figure script; returns the exit status. `read` makes setups of files."""
-    description = f"{figure.title}.\n\n" + textwrap.fill(figure.how_to_read, 100)
+    end = "" if figure.title.endswith("?") else "."
+    description = f"{figure.title}{end}\n\n" + textwrap.fill(figure.how_to_read, 100)
     arguments = parser(description, files).parse_args()
     out = arguments.out or arguments.results[0].parent
     try:

@@ -335,7 +335,8 @@ def load(paths) -> list[Setup]:
         names = ", ".join(str(p) for p in paths)
         if any(len(setup.simulated) for setup in groups.values()):
             raise InputError(f"{names}: simulated, not measured; plots/simulated.py draws it")
-        raise InputError(f"{names}: no rows; run the sweep again, or without --dry-run")
+        raise InputError(f"{names}: no rows of a sweep; run it again, or without --dry-run (results of other commands "
+                         "are taken up beside a sweep's)")
     for setup in groups.values():
         if setup.rows.empty and len(setup.simulated):
             setups[0].remarks.append(f"{len(setup.simulated)} simulated rows of "

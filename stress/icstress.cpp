@@ -9,10 +9,10 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "cli/options.h"
 #include "core/names.h"
 #include "harness/output_file.h"
 #include "harness/progress.h"
@@ -193,8 +193,21 @@ int print_replay(const std::string& id) {
   return finish(!replay.is_violated);
 }
 
-const std::map<std::string, explore::Extent> kExtents = {
-    {"off", explore::Extent::off}, {"short", explore::Extent::brief}, {"long", explore::Extent::full}};
+/// An option for how far to go: off, short (the default) or long.
+void add_extent(CLI::App& app, const std::string& name, explore::Extent& extent, const std::string& help) {
+  constexpr std::string_view kNames[] = {"off", "short", "long"};
+  constexpr explore::Extent kExtents[] = {explore::Extent::off, explore::Extent::brief,
+                                          explore::Extent::full};
+  const auto set = [&extent, name, kNames, kExtents](const std::string& text) {
+    const auto* at = std::find(std::begin(kNames), std::end(kNames), text);
+    if (at == std::end(kNames))
+      throw std::runtime_error(fmt::format("{} '{}' is none of off, short and long", name, text));
+    extent = kExtents[at - std::begin(kNames)];
+  };
+  app.add_option_function<std::string>(name, set, help + ": off, short or long")
+      ->type_name("EXTENT")
+      ->default_str("short");
+}
 
 int run_program(int argc, char** argv) {
   Options options;
@@ -211,18 +224,13 @@ int run_program(int argc, char** argv) {
   app.add_option("--operations", options.campaign.operations, "operations per cache, at least")
       ->capture_default_str()
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000'000}));
-  app.add_option("--seed", options.campaign.seed, "seed of everything random")
-      ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--explore", options.extent, "schedules explored one by one: off, short or long")
-      ->transform(CLI::Transformer(kExtents, CLI::ignore_case))
-      ->default_str("short");
+  add_whole(&app, "--seed", options.campaign.seed, std::uint64_t{0}, ~std::uint64_t{0},
+            "seed of everything random");
+  add_extent(app, "--explore", options.extent, "schedules explored one by one");
   app.add_option("--preemptions", options.preemptions,
                  "most preemptions in an explored schedule; unbounded if not given")
       ->check(CLI::Range(0u, 1000u));
-  app.add_option("--progress", options.progress, "step bounds and stopped threads: off, short or long")
-      ->transform(CLI::Transformer(kExtents, CLI::ignore_case))
-      ->default_str("short");
+  add_extent(app, "--progress", options.progress, "step bounds and stopped threads");
   const CLI::Option* replay = app.add_option("--replay", options.replay,
                                              "print the schedule of this id, step by step, and nothing else");
   const CLI::Option* json = app.add_option("--json", options.json, "file for the verdicts");

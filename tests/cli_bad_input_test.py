@@ -132,7 +132,7 @@ class BadInput(Case):
                                 (["--residual-out", "a.exr"], "--residual-out needs --residual"),
                                 (["--residual", "1", "--residual-out", "a.png"], "must end in .exr"),
                                 (["--residual", "1", "--residual-out", "missing/a.exr"], "missing"),
-                                (["--residual", "1", "--residual-out", "render.exr"], "the picture's own file"),
+                                (["--residual", "1", "--residual-out", "render.exr"], "the file of --out too"),
                                 (["--residual", "1", "--unbiased", "--out", "a.png"], "negative values")):
             with self.subTest(arguments):
                 self.refuse("render", *arguments, says=[part])
@@ -154,11 +154,37 @@ class BadInput(Case):
                                 (["--save-cache", "b.cache", "--integrator", "path"], "--save-cache"),
                                 (["--save-cache", "b.cache", "--integrator", "temporal_instant_caching"],
                                  "--save-cache"),
-                                (["--save-cache", "render.exr"], "picture"),
+                                (["--save-cache", "./render.exr"], "the file of --out too"),
                                 (["--save-cache", "nowhere/b.cache"], "nowhere")):
             with self.subTest(arguments):
                 self.refuse("render", "--size", "16x16", *arguments, says=[part])
         self.assertFalse((self.folder / "b.cache").exists())
+
+    def test_files_that_would_be_lost(self):
+        self.succeed(*small_render(out="a.exr"))
+        self.succeed(*small_capture(out="a.trace"))
+        (self.folder / "linked.trace").symlink_to("a.trace")
+        replay = ["--workloads", "trace:file=a.trace", "--caches", "packed_wait_free"]
+        for arguments, said in ((small_render(out="b.exr", json="./b.exr"), "--out too"),
+                                (small_render(out="b.exr", json="b.cache") + ["--save-cache", "./b.cache"], "--json too"),
+                                (small_capture(out="b.trace", json="b.trace"), "--out too"),
+                                (["trace", "replay", "a.trace", "--json", "a.trace"], "the trace"),
+                                (["trace", "info", "linked.trace", "--json", "a.trace"], "the trace"),
+                                (["sweep", *replay, "--out", "linked.trace"], "a workload's trace"),
+                                (small_sweep(out="b.json", timeline="../" + self.folder.name + "/b.json"), "--out too"),
+                                (["simulate", *replay, "--calibration", "c.json", "--out", "c.json"], "--out too"),
+                                (["compare", "a.exr", "a.exr", "--json", "a.exr"], "overwrite what is read, A"),
+                                (["animate", "--scene", "a.gltf", "--json", "a.gltf"], "overwrite what is read")):
+            with self.subTest(arguments):
+                self.refuse(*arguments, says=[said])
+
+    def test_frames_of_another_animation(self):
+        short = ["animate", "--size", "8x8", "--rays", "1", "--every", "50", "--out", "frames"]
+        self.succeed(*short, "--frames", "2")
+        self.succeed(*short, "--frames", "2")
+        before = self.contents()
+        self.assert_refused(self.run_icbench(*short, "--frames", "1"), "frame_0001.png there is of another animation")
+        self.assertEqual(self.contents(), before)
 
     def test_what_cannot_be_simulated(self):
         (self.folder / "costs.json").write_text('{"format": "icbench calibration of simulations"}')

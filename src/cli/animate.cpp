@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "cli/command.h"
@@ -29,6 +30,25 @@ struct AnimateOptions : FrameOptions {
 };
 
 constexpr std::string_view kFormats[] = {"exr", "png", "none"};
+
+fs::path frame_path(const AnimateOptions& o, std::uint32_t frame) {
+  return fs::path(o.out) / fmt::format("frame_{:04}.{}", frame, o.format);
+}
+
+/// Throws if the folder has frames that this run would leave there, among its own.
+void require_no_others(const AnimateOptions& o, const std::vector<std::uint32_t>& frames) {
+  std::set<fs::path> ours;
+  for (const std::uint32_t frame : frames) ours.insert(frame_path(o, frame));
+  std::error_code error;
+  for (fs::directory_iterator it(o.out, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string(), extension = it->path().extension().string();
+    if (!name.starts_with("frame_") || (extension != ".exr" && extension != ".png")) continue;
+    if (ours.contains(it->path())) continue;
+    throw std::runtime_error(
+        fmt::format("--out '{}': {} there is of another animation; remove its frames or name another folder",
+                    o.out, name));
+  }
+}
 
 /// Makes the folder for the frames, unless there is one.
 void prepare_folder(const std::string& out) {
@@ -66,14 +86,18 @@ void animate_command(const AnimateOptions& o) {
     throw std::runtime_error(unknown_name("format", o.format, kFormats));
   }
   const bool keeps = o.format != "none";
+  require_apart({{"--json", o.json}}, {{"--scene", o.scene}});
   FrameSetup setup(o);
-  if (keeps) prepare_folder(o.out);
   const std::uint32_t frames = o.frames != 0 ? o.frames : setup.rays().scene().frames;
   const IntegratorEntry& integrator = setup.request().integrator;
 
   std::vector<std::uint32_t> rendered;
   for (std::uint32_t frame = 0; frame < frames; frame += std::min(o.every, std::max(frames - 1 - frame, 1u)))
     rendered.push_back(frame);
+  if (keeps) {
+    prepare_folder(o.out);
+    require_no_others(o, rendered);
+  }
 
   Progress progress("animate", static_cast<double>(rendered.size()) * frame_work(setup.request()));
   setup.request().progress = [&](double work) { progress.advance(work); };
@@ -86,8 +110,7 @@ void animate_command(const AnimateOptions& o) {
   for (const std::uint32_t frame : rendered) {
     const FrameCost cost = renderer.render(frame);
     if (keeps) {
-      write_image(fs::path(o.out) / fmt::format("frame_{:04}.{}", frame, o.format), renderer.picture(),
-                  {ExrSample::float_bits, o.exposure});
+      write_image(frame_path(o, frame), renderer.picture(), {ExrSample::float_bits, o.exposure});
       preview->add(renderer.picture());
     }
     add(total, cost);

@@ -155,6 +155,13 @@ Json compare_images(const CompareOptions& options, const std::vector<const Metri
   if (!options.map.empty()) {
     make_folder(options.map);
     map_place = [&](const Metric& metric) { return fs::path(options.map) / metric.name; };
+    for (const Metric* metric : metrics) {
+      if (!metric->has_map) continue;
+      for (const char* extension : {".exr", ".png"}) {
+        require_apart({{"--map", map_place(*metric).string() + extension}},
+                      {{"A", options.reference}, {"B", options.image}});
+      }
+    }
   }
   Json json = heading(options, reference);
   for (const Figure& figure : figures_of(reference, image, metrics, options.viewing, map_place)) {
@@ -230,6 +237,7 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
 void compare(const CompareOptions& options) {
   const std::vector<const Metric*> metrics = find_metrics(options.metrics);
   check_viewing(options.viewing);
+  require_apart({{"--json", options.json}}, {{"A", options.reference}, {"B", options.image}});
   if (!options.json.empty()) require_writable("--json", options.json);
   std::error_code none;
   const bool is_folder = fs::is_directory(options.reference, none);

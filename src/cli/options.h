@@ -130,4 +130,41 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
   }
 }
 
+/// A file by the option or argument that names it; none if the path is empty.
+struct GivenFile {
+  std::string_view name;
+  std::filesystem::path path;
+};
+
+/// Whether both paths lead to one file, or would if it were there. What is no file, as a device, is nobody's own.
+inline bool is_same_file(const std::filesystem::path& a, const std::filesystem::path& b) {
+  namespace fs = std::filesystem;
+  std::error_code none;
+  const auto may_be_file = [&](const fs::path& p) {
+    return !p.empty() && (!fs::exists(p, none) || fs::is_regular_file(p, none));
+  };
+  if (!may_be_file(a) || !may_be_file(b)) return false;
+  return fs::equivalent(a, b, none) ||
+         fs::weakly_canonical(fs::absolute(a), none) == fs::weakly_canonical(fs::absolute(b), none);
+}
+
+/// Throws if a file that is to be written is another of them, or one that is read: it would be lost.
+inline void require_apart(const std::vector<GivenFile>& written, const std::vector<GivenFile>& read) {
+  for (std::size_t i = 0; i < written.size(); ++i) {
+    const GivenFile& file = written[i];
+    for (std::size_t j = 0; j < i; ++j) {
+      if (is_same_file(file.path, written[j].path)) {
+        throw std::runtime_error(fmt::format("{} '{}' is the file of {} too; name another", file.name,
+                                             file.path.string(), written[j].name));
+      }
+    }
+    for (const GivenFile& other : read) {
+      if (is_same_file(file.path, other.path)) {
+        throw std::runtime_error(fmt::format("{} '{}' would overwrite what is read, {}; name another file",
+                                             file.name, file.path.string(), other.name));
+      }
+    }
+  }
+}
+
 }  // namespace icbench

@@ -41,19 +41,16 @@ void require_paths(const RenderOptions& o) {
     throw std::runtime_error(fmt::format(
         "--out '{}': an --unbiased picture has negative values, which a PNG cannot hold; use .exr", o.out));
   }
+  std::vector<GivenFile> written = {{"--out", o.out}, {"--residual-out", o.residual_out}, {"--json", o.json}};
+  require_apart(written, {{"--scene", o.scene}, {"--load-cache", o.load_cache}});
+  written.push_back({"--save-cache", o.save_cache});  // which may be where the cache was loaded from
+  require_apart(written, {{"--scene", o.scene}});
   require_writable("--out", o.out);
-  if (!o.save_cache.empty()) {
-    require_writable("--save-cache", o.save_cache);
-    if (o.save_cache == o.out || o.save_cache == o.residual_out)
-      throw std::runtime_error(fmt::format("--save-cache '{}' is a picture's file", o.save_cache));
-  }
+  if (!o.save_cache.empty()) require_writable("--save-cache", o.save_cache);
   if (o.residual_out.empty()) return;
   if (extension_of(o.residual_out) != ".exr") {
     throw std::runtime_error(
         fmt::format("--residual-out '{}' must end in .exr: the layer has negative values", o.residual_out));
-  }
-  if (o.residual_out == o.out) {
-    throw std::runtime_error(fmt::format("--residual-out '{}' is the picture's own file", o.residual_out));
   }
   require_writable("--residual-out", o.residual_out);
 }

@@ -6,6 +6,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -75,7 +76,9 @@ void print_summary(const std::vector<Json>& rows) {
     if (!values.contains(name)) order.push_back(name);
     for (const char* field : {"rms_to_single_share_of_mean", "rms_to_single_share_of_error",
                               "rms_to_last_run_share_of_mean", "redundant_records"}) {
-      if (row.contains(field) && row.at(field).is_number()) values[name][field].push_back(row.at(field));
+      if (!row.contains(field) || !row.at(field).is_number()) continue;
+      const double value = row.at(field);
+      if (std::isfinite(value)) values[name][field].push_back(value);  // of an error of 0 nothing is a share
     }
   }
   std::sort(order.begin(), order.end());

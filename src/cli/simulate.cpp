@@ -137,6 +137,9 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
 void simulate_command(const SimulateOptions& o) {
   const Topology topology = Topology::of_this_process();
   SimulationRequest request = request_of(o, topology);
+  std::vector<GivenFile> traces;
+  for (const WorkloadSpec& w : request.workloads) traces.push_back({"a workload's trace", w.file});
+  require_apart({{"--out", o.out}, {"--calibration", request.calibration_path}}, traces);
   require_writable("--out", o.out);
   RunInfo info;
   info.command_line = command_line();

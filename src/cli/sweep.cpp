@@ -172,6 +172,9 @@ void sweep_command(const SweepOptions& o) {
   nlohmann::ordered_json context = environment(topology, info);
   const nlohmann::ordered_json configuration = configuration_of(request, context);
 
+  std::vector<GivenFile> traces;
+  for (const WorkloadSpec& w : request.workloads) traces.push_back({"a workload's trace", w.file});
+  require_apart({{"--out", o.out}, {"--timeline", o.timeline}}, traces);
   if (!o.timeline.empty()) {
     if (o.resume)
       throw std::runtime_error("--timeline draws the first repetition, so it must be run; drop --resume");

@@ -46,6 +46,7 @@ TraceContext context_of(const CaptureOptions& o, const FrameRequest& r) {
 }
 
 void capture_command(const CaptureOptions& o) {
+  require_apart({{"--out", o.out}, {"--json", o.json}}, {{"--scene", o.scene}});
   require_writable("--out", o.out);
   if (!find_integrator(o.integrator).needs_cache()) {
     throw std::runtime_error(fmt::format(
@@ -93,6 +94,7 @@ struct InfoOptions {
 };
 
 void info_command(const InfoOptions& o) {
+  require_apart({{"--json", o.json}}, {{"the trace", o.file}});
   if (!o.json.empty()) require_writable("--json", o.json);
   const Trace trace = read_trace(o.file);
   const TraceContext& c = trace.context;
@@ -220,6 +222,7 @@ void print(const SweepPoint& point, const std::vector<Entry>& repetitions) {
 }
 
 void replay_command(const ReplayOptions& o) {
+  require_apart({{"--json", o.json}}, {{"the trace", o.file}});
   if (!o.json.empty()) require_writable("--json", o.json);
   const Topology topology = Topology::of_this_process();
   const SweepRequest request = request_of(o, topology);

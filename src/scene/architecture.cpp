@@ -15,8 +15,6 @@ using glm::vec3;
 constexpr float kPi = std::numbers::pi_v<float>;
 constexpr vec3 kAcross{1, 0, 0}, kUp{0, 1, 0}, kOut{0, 0, 1};
 
-Mesh solid_box(const vec3& lower, const vec3& upper) { return box("", {lower, upper}, 0); }
-
 void append(Polygon& to, const Polygon& from) { to.insert(to.end(), from.begin(), from.end()); }
 
 // Goes on with a smooth piece of a profile for revolve(): creases at both its ends, a straight line to its beginning.

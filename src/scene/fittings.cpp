@@ -13,8 +13,6 @@ using glm::vec3;
 
 constexpr vec3 kAcross{1, 0, 0}, kUp{0, 1, 0}, kOut{0, 0, 1};
 
-Mesh solid_box(const vec3& lower, const vec3& upper) { return box("", {lower, upper}, 0); }
-
 // A frame about the opening |x| <= w, y0 <= y <= y1 in the plane z = 0; the profile's x is measured outwards from
 // the opening, its y along +z.
 Mesh frame_around(float w, float y0, float y1, const Polygon& profile) {

@@ -15,8 +15,6 @@ using glm::vec3;
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-Mesh solid_box(const vec3& lower, const vec3& upper) { return box("", {lower, upper}, 0); }
-
 }  // namespace
 
 Parts conference_table(float length, float width, float height, std::uint32_t top, std::uint32_t base) {

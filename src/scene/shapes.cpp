@@ -32,6 +32,8 @@ Mesh box(std::string name, const Bounds& b, std::uint32_t material, bool inward)
   return mesh;
 }
 
+Mesh solid_box(const glm::vec3& lower, const glm::vec3& upper) { return box("", {lower, upper}, 0); }
+
 Mesh icosphere(std::string name, const glm::vec3& centre, float radius, int levels, std::uint32_t material) {
   constexpr float kGolden = std::numbers::phi_v<float>;
   Mesh mesh{std::move(name), {}, {}, {}, material};

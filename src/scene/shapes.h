@@ -17,6 +17,9 @@ Mesh quad(std::string name, const glm::vec3& p, const glm::vec3& u, const glm::v
 /// Axis-aligned box, fronts outward, or inward for a room.
 Mesh box(std::string name, const Bounds& bounds, std::uint32_t material, bool inward = false);
 
+/// The same, fronts outward, as a part of something else, which names it and has its material.
+Mesh solid_box(const glm::vec3& lower, const glm::vec3& upper);
+
 /// Sphere of 20 * 4^levels flat triangles, front outward. Metres.
 Mesh icosphere(std::string name, const glm::vec3& centre, float radius, int levels, std::uint32_t material);
 

@@ -14,7 +14,6 @@
 namespace icbench {
 namespace {
 
-constexpr float kPi = std::numbers::pi_v<float>;
 constexpr float kRadius = 0.42f, kHeight = 2.3f;  // of the column, metres
 constexpr std::uint32_t kAround = 96, kUp = 128;
 
@@ -24,7 +23,7 @@ struct Bend {
 };
 
 Bend bend(float y, float frame) {
-  constexpr float kReach = 0.24f, kWaves = 1.5f * 2.0f * kPi / kHeight;
+  constexpr float kReach = 0.24f, kWaves = 3.0f * std::numbers::pi_v<float> / kHeight;
   const float t = y / kHeight;
   const float swing = kReach * t * (2.0f - t), growth = kReach * (2.0f - 2.0f * t) / kHeight;
   const float phase = kWaves * y - loop_angle(frame, 2.0f);
@@ -40,7 +39,8 @@ void deform(float frame, std::span<glm::vec3> positions, std::span<glm::vec3> no
   const auto add_row = [&](float y, float flat) {
     const Bend b = bend(y, frame);
     for (std::uint32_t a = 0; a < kAround; ++a, ++v) {
-      const float phi = 2.0f * kPi * static_cast<float>(a) / static_cast<float>(kAround);
+      const float phi =
+          2.0f * std::numbers::pi_v<float> * static_cast<float>(a) / static_cast<float>(kAround);
       const glm::vec2 out(std::cos(phi), std::sin(phi));
       positions[v] = {kRadius * out.x + b.offset.x, y + kStandingGap, kRadius * out.y + b.offset.y};
       // Rows stay level, so the normal leans back by as much as the axis leans towards it.

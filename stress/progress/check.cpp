@@ -22,7 +22,7 @@ class ProgressCheck {
   ProgressCheck(const ProgressSubject& subject, const ProgressOptions& options)
       : subject_(subject),
         options_(options),
-        sessions_(subject.traits.single_thread ? 1 : kFibers + 1),
+        is_alone_(subject.traits.single_thread),
         landscape_(kShape, options.seed, CacheConfig{}.a),
         stage_(kFibers) {}
 
@@ -30,7 +30,7 @@ class ProgressCheck {
     check(insert_settings());
     check(query_settings(Type::query));
     check(query_settings(Type::batch));
-    if (sessions_ > 1) {
+    if (!is_alone_) {
       run_mixed();
       const bool is_blocking = declared(Type::insert) == ProgressGuarantee::blocking ||
                                declared(Type::query) == ProgressGuarantee::blocking;
@@ -70,9 +70,12 @@ class ProgressCheck {
     return type == Type::insert ? subject_.traits.insert : subject_.traits.query;
   }
 
-  Trial make_trial(const Setting& setting) {
-    return Trial(stage_, subject_, landscape_, sessions_, setting.prefill, setting.is_pool_short);
+  /// On whose stage come the first `fibers`: setting up a session is what takes longest.
+  Trial make_trial(const Setting& setting, unsigned fibers) {
+    if (setting.is_pool_short) fibers = kFibers;  // for which its room was reckoned
+    return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, setting.is_pool_short);
   }
+  std::uint32_t sessions(unsigned fibers) const noexcept { return is_alone_ ? 1 : fibers + 1; }
   void start(Trial& trial, unsigned fiber, const Request& request) {
     trial.start(fiber, 1, [request](std::uint32_t) { return request; });
   }
@@ -119,23 +122,23 @@ class ProgressCheck {
 
   void check(const std::vector<Setting>& settings) {
     for (const Setting& setting : settings) {
-      if (setting.is_pool_short && (sessions_ == 1 || declared(Type::insert) == ProgressGuarantee::blocking))
+      if (setting.is_pool_short && (is_alone_ || declared(Type::insert) == ProgressGuarantee::blocking))
         continue;
       set_scene(setting);
-      const std::uint64_t points = run_alone(setting);
-      if (sessions_ == 1) continue;
+      const std::uint64_t points = run_alone(setting, kThird + 1);
+      if (is_alone_) continue;
       stop_everywhere(setting, points);
       if (setting.is_interfered || (options_.is_long && !setting.is_pool_short)) interfere(setting, points);
     }
   }
 
-  /// Points of the victim undisturbed.
-  std::uint64_t run_alone(const Setting& setting) {
-    Trial trial = make_trial(setting);
+  /// Points of the victim undisturbed. There may be more of them with more sessions, so those of all `fibers` are there.
+  std::uint64_t run_alone(const Setting& setting, unsigned fibers) {
+    Trial trial = make_trial(setting, fibers);
     start(trial, kVictim, setting.victim);
     let_run(kVictim, kVictim + 1, Stage::kAll);
     const std::uint64_t points = stage_.points(kVictim);
-    if (sessions_ == 1) enter_series(account(setting.victim.type), 0, stage_.steps(kVictim));
+    if (is_alone_) enter_series(account(setting.victim.type), 0, stage_.steps(kVictim));
     enter(trial, setting.victim.type, "alone");
     return points;
   }
@@ -147,7 +150,7 @@ class ProgressCheck {
       bool blocks = false;
       std::uint64_t steps = 0;
       for (const std::uint64_t turn : {Stage::kAll, kTurn}) {
-        Trial trial = make_trial(setting);
+        Trial trial = make_trial(setting, kThird + 1);
         start(trial, kVictim, setting.victim);
         stage_.run(kVictim, k);
         steps = stage_.steps(kVictim);
@@ -185,7 +188,7 @@ class ProgressCheck {
     if (options_.is_long) settings = insert_settings();
     for (const Setting& setting : settings) {
       set_scene(setting);
-      const std::uint64_t points = run_alone(setting);
+      const std::uint64_t points = run_alone(setting, kFibers);
       for (std::uint64_t k = 0; k < points; ++k) {
         for (std::uint64_t j = 0; !stop_pair(setting, k, j); ++j) {
         }
@@ -195,7 +198,7 @@ class ProgressCheck {
 
   /// An insert stopped after `k` points and a query after `j`. Whether the query had come to its end by then.
   bool stop_pair(const Setting& setting, std::uint64_t k, std::uint64_t j) {
-    Trial trial = make_trial(setting);
+    Trial trial = make_trial(setting, kFibers);
     start(trial, kVictim, setting.victim);
     stage_.run(kVictim, k);
     start(trial, kSecondVictim, {Type::query, 0});
@@ -237,7 +240,7 @@ class ProgressCheck {
   /// it has done `n` in all. Returns the victim's steps.
   std::uint64_t interfere(const Setting& setting, bool is_mixed, std::uint32_t each, std::uint64_t first,
                           std::uint32_t n) {
-    Trial trial = make_trial(setting);
+    Trial trial = make_trial(setting, kOther + 1);
     const std::uint32_t kind = setting.victim.type == Type::insert ? setting.victim.where : 0;
     start(trial, kVictim, setting.victim);
     trial.start(kOther, n, [=](std::uint32_t i) {
@@ -266,7 +269,7 @@ class ProgressCheck {
     const std::vector<Prefill> none, some = {{1, 4}, {2, 1}};
     std::uint64_t round = 0;
     const auto make = [&](std::uint32_t operations) {
-      auto trial = std::make_unique<Trial>(stage_, subject_, landscape_, sessions_,
+      auto trial = std::make_unique<Trial>(stage_, subject_, landscape_, sessions(kFibers),
                                            round % 2 == 0 ? none : some, false);
       for (unsigned f = 0; f < kFibers; ++f) {
         trial->start(
@@ -343,7 +346,7 @@ class ProgressCheck {
   }
 
   std::string note(const Account& a, ProgressGuarantee guarantee) const {
-    if (sessions_ == 1) return "one thread: there are no others";
+    if (is_alone_) return "one thread: there are no others";
     if (guarantee == ProgressGuarantee::blocking && subject_.traits.waits_in_library)
       return "blocks, where it does, in a library whose steps cannot be stopped or counted";
     std::string line = a.blocking_stops == 0
@@ -363,7 +366,7 @@ class ProgressCheck {
 
   const ProgressSubject& subject_;
   const ProgressOptions& options_;
-  std::uint32_t sessions_;
+  bool is_alone_;  // its cache is for one thread
   Landscape landscape_;
   Stage stage_;
   std::string scene_;
