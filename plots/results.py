@@ -232,12 +232,18 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
     numeric = set(kNumericColumns) | {c for c in rows if c.startswith("latency_")}
     for column in sorted(numeric):
         values = pd.to_numeric(rows[column], errors="coerce") if column in rows else np.nan
+        if column in rows and (odd := (rows[column].notna() & values.isna()).sum()):
+            remarks.append(f"{odd} values of {column} in {path.name} are no numbers, and count as absent")
         rows[column] = pd.Series(values, rows.index, dtype=float).replace([np.inf, -np.inf], np.nan)
     usable = (rows["workload"] != "") & (rows["cache"] != "") & (rows["threads"] >= 1)
     if not usable.all():
         remarks.append(f"{(~usable).sum()} rows of {path.name} name no workload, cache or threads and are "
                        "left out")
-    rows = rows[usable].copy()
+    impossible = usable & ((rows["real_time"] < 0) | (rows["items_per_second"] < 0))
+    if impossible.any():
+        remarks.append(f"{impossible.sum()} rows of {path.name} took less than no time or did less than nothing, and "
+                       "are left out")
+    rows = rows[usable & ~impossible].copy()
     if rows.empty:
         return rows
     rows["threads"] = rows["threads"].astype(int)

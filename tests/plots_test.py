@@ -223,6 +223,16 @@ class Figures(InFolder):
         self.assertGreater(setup.rows["items_per_second"].min(), 1.0)
         self.assertTrue(any("3 trials" in remark for remark in setup.remarks))
 
+    def test_what_cannot_be_is_told_and_left_out(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), errors=False)
+        rows = data["benchmarks"]
+        rows[0]["items_per_second"], rows[1]["real_time"], rows[2]["utilisation"] = -5.0, -1.0, "x"
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        self.assertEqual(len(setup.rows), len(rows) - 2)
+        self.assertGreater(setup.rows["items_per_second"].min(), 0.0)
+        self.assertTrue(any("2 rows of results.json took less than no time" in r for r in setup.remarks))
+        self.assertTrue(any("1 values of utilisation in results.json are no numbers" in r for r in setup.remarks))
+
     def test_ten_thousand_rows_stay_below_half_a_gigabyte(self):
         data = model_results()
         self.assertGreater(len(data["benchmarks"]), 10_000)
