@@ -77,7 +77,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
       ->default_str("");
   add_whole(app, "--rays", o.rays, 1u, 1u << 20, "irradiance_cache: gather rays per record");
   add_whole(app, "--vpls", o.vpls, 1u, 1u << 16, "Virtual point lights, for the integrators that use them");
-  add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, at most 1; smaller is finer");
+  add_positive(app, "--accuracy", o.accuracy, 1.0f, "Accuracy a of the cache, 0.002 to 1; smaller is finer",
+               kMinAccuracy);
   add_text("--interpolation", o.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");

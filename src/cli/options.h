@@ -95,15 +95,16 @@ CLI::Option* add_whole(CLI::App* app, const std::string& name, T& value, T low, 
       ->default_str(fmt::to_string(value));
 }
 
-/// An option for a number in (0, high]; `value` is the default and must outlive the parsing.
+/// An option for a number in (0, high], or [low, high]; `value` is the default and must outlive the parsing.
 inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& value, float high,
-                                 const std::string& help) {
-  const auto set = [&value, name, high](const std::string& text) {
+                                 const std::string& help, float low = 0.0f) {
+  const auto set = [&value, name, low, high](const std::string& text) {
     float number = 0.0f;
     const char* const last = text.data() + text.size();
     const auto [end, error] = std::from_chars(text.data(), last, number);
-    if (error != std::errc{} || end != last || !(number > 0.0f && number <= high)) {
-      throw std::runtime_error(fmt::format("{} '{}' is not a number in (0, {}]", name, text, high));
+    if (error != std::errc{} || end != last || !(number > 0.0f && number >= low && number <= high)) {
+      throw std::runtime_error(
+          fmt::format("{} '{}' is not a number in {}{}, {}]", name, text, low > 0.0f ? "[" : "(", low, high));
     }
     value = number;
   };

@@ -198,7 +198,7 @@ void add_repeatability(CLI::App& app) {
   add_whole(command, "--vpls", f.vpls, 1u, 1u << 16,
             "Virtual point lights, for the integrators that use them");
   add_positive(command, "--accuracy", f.accuracy, 1.0f,
-               "Accuracy a of the cache, at most 1; smaller is finer");
+               "Accuracy a of the cache, 0.002 to 1; smaller is finer", kMinAccuracy);
   add_text("--interpolation", f.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");

@@ -12,6 +12,7 @@
 #include "caches/session.h"
 #include "core/names.h"
 #include "scene/registry.h"
+#include "workload/names.h"
 
 namespace icbench {
 namespace {
@@ -100,7 +101,7 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
                            {"path", Method::path},
                            {"hash_cells", Method::hash_cells}}));
     add_number("rays", 1, 1 << 20, true, &WorkloadSpec::rays);
-    add_number("a", kMinAccuracy, 1, false, &WorkloadSpec::a);
+    add_number("a", shortest_decimal(kMinAccuracy), 1, false, &WorkloadSpec::a);
     add_number("spp", 1, 1 << 20, true, &WorkloadSpec::spp);
     add_number("cell", 1e-3, 1e4, false, &WorkloadSpec::cell);
     const auto set_size = [text](WorkloadSpec& spec, std::string_view value) {
@@ -139,7 +140,7 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
   if (s.kind != WorkloadKind::insert_only) {
     add_number("operations", 1, 1 << 28, true, &WorkloadSpec::operations);
   }
-  add_number("a", kMinAccuracy, 1, false, &WorkloadSpec::a);
+  add_number("a", shortest_decimal(kMinAccuracy), 1, false, &WorkloadSpec::a);
   std::vector<std::pair<std::string_view, std::string>> scenes;
   for (const SceneEntry& e : kScenes) scenes.emplace_back(e.name, e.name);
   known.push_back(named(text, "scene", &WorkloadSpec::scene, std::move(scenes)));
