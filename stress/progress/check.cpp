@@ -70,7 +70,7 @@ class ProgressCheck {
     return type == Type::insert ? subject_.traits.insert : subject_.traits.query;
   }
 
-  /// On whose stage come the first `fibers`: setting up a session is what takes longest.
+  /// On whose stage come the first `fibers`: no more sessions are set up than those need.
   Trial make_trial(const Setting& setting, unsigned fibers) {
     if (setting.is_pool_short) fibers = kFibers;  // for which its room was reckoned
     return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, setting.is_pool_short);
