@@ -184,20 +184,48 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
     const std::uint32_t id = shapes.details.draft(0);
     shapes.details[id] = {.gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f};
     const Record r{glm::vec3(0.0f), {0, 0, 1}, 1.0f / kA, glm::vec3(3.0f), id};
-    const auto weight_at = [&](const glm::vec3& p, const glm::vec3& n) {
-      return Extrapolator(shapes, {p, n}).of(r, 1.0f).w;
+    const auto error_at = [&](const glm::vec3& p, const glm::vec3& n) {
+      return Extrapolator(shapes, {p, n}).error_of(r);
     };
-    EXPECT_NEAR(weight_at({0.3f, 0.4f, 0}, r.n), 0.5f, 1e-6f);
+    EXPECT_NEAR(error_at({0.3f, 0.4f, 0}, r.n), 0.5f, 1e-6f);
     for (const float side : {-1.0f, 1.0f}) {
-      EXPECT_EQ(weight_at({0.3f, 0, 0.4f * side}, r.n), 0.0f);
+      EXPECT_NEAR(error_at({0.3f, 0, 0.4f * side}, r.n), 0.5f + 4.0f * 0.4f, 1e-6f);
       // On a sphere or in a bowl that the record touches, no more than the distance and the turn count.
       constexpr float kTurn = 0.2f, kRadius = 2.0f;
       const glm::vec3 n(std::sin(kTurn), 0, std::cos(kTurn));
       const float chord = 2.0f * kRadius * std::sin(0.5f * kTurn);
       const float turn = std::sqrt(1.0f - std::cos(kTurn)) / (kA * search_reach(level));
-      EXPECT_NEAR(weight_at(side * kRadius * (n - r.n), n), 1.0f - chord - turn, 1e-4f);
+      EXPECT_NEAR(error_at(side * kRadius * (n - r.n), n), chord + turn, 1e-4f);
     }
   }
+}
+
+// Guards against: pictures of one-sided extrapolation, where only the record that was made first counts; and against
+// records that count so far away that no new ones are made.
+TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
+  constexpr float kA = 0.5f;
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  RecordShapes shapes{RecordShaper(Interpolation::occlusion_hessian, kA, bounds,
+                                   RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
+                      RecordDetails(2, 1)};
+  const auto record_at = [&](float x, float E) {
+    const std::uint32_t id = shapes.details.draft(0);
+    shapes.details.keep(0);
+    shapes.details[id] = {
+        .gradients = {}, .major = {1, 0, 0}, .inverse_major = 10.0f, .inverse_minor = 10.0f};
+    return Record{{x, 0, 0}, {0, 0, 1}, 1.0f, glm::vec3(E), id};
+  };
+  const Record left = record_at(0.0f, 1.0f), right = record_at(0.25f, 2.0f);
+  const auto mean_at = [&](float x) {
+    Extrapolator sum(shapes, {{x, 0, 0}, left.n});
+    for (const Record& r : {left, right}) sum(r, 1.0f);
+    return sum.result();
+  };
+  const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 0.1f); };
+  ASSERT_TRUE(mean_at(0.05f).has_value());
+  EXPECT_NEAR(mean_at(0.05f)->x, (weight(0.5f) + 2.0f * weight(2.0f)) / (weight(0.5f) + weight(2.0f)), 1e-5f);
+  EXPECT_FALSE(mean_at(0.125f).has_value()) << "a distance of 1.25 ellipses from either";
+  EXPECT_NEAR(mean_at(-0.09f)->x, 1.0f + weight(3.4f) / (weight(0.9f) + weight(3.4f)), 1e-5f);
 }
 
 // Guards against: a bunny covered with records whose gradients already know what its turning normals do.
@@ -351,7 +379,8 @@ TEST_P(RenderInterpolation, TheGuardStopsLeaksThroughAThinWall) {
         outside[false], outside[true]);
     EXPECT_GT(inside[false], 0.02) << "nothing leaks";
     EXPECT_LT(inside[true], (gap > 0.0f ? 0.3 : 0.05) * inside[false]);
-    EXPECT_LT(outside[true], 1.2 * outside[false]);
+    // The guard makes records behind the wall, and those close to a slit count before it.
+    EXPECT_LT(outside[true], (gap > 0.0f ? 1.4 : 1.2) * outside[false]);
   }
 }
 

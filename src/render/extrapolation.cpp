@@ -22,8 +22,8 @@ constexpr float kMostStretch = 2.0f;  // of an ellipse
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.28f, 1.0f / 6.0f, 0.006f};
-constexpr float kMostOfMean = 2.0f;  // of the mean distance, times a
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.18f, 1.0f / 6.0f, 0.006f};
+constexpr float kMostOfMean = 2.5f;  // of the mean distance, times a
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.
@@ -147,7 +147,7 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   }
   detail.inverse_major = 1.0f / large_reach;
   detail.inverse_minor = 1.0f / small_reach;
-  return large_reach / (search_reach(level_) * a_);
+  return kOverlap * large_reach / (search_reach(level_) * a_);
 }
 
 void GuardedSum::judge_suspects() noexcept {
@@ -158,7 +158,7 @@ void GuardedSum::judge_suspects() noexcept {
     if (stopped[i])
       ++tests_.stopped;
     else
-      sum_.add(held_[i].E, held_[i].w);
+      sum_.add(held_[i]);
   }
   tests_.rays += suspects_;
   suspects_ = 0;

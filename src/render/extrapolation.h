@@ -15,8 +15,8 @@
 //                                                                                  1 / error - 1 / a
 //   neighbour_clamping  the same; R <= R_j + |p - p_j| for the records j around    the same
 //                       (Krivanek et al. 2006)
-//   geometric_hessian   ellipse from the eigenvalues of a Hessian by geometry      extrapolated, 1 - error
-//   occlusion_hessian   ellipse from the eigenvalues of the Hessian with           extrapolated, 1 - error
+//   geometric_hessian   ellipse from the eigenvalues of a Hessian by geometry      extrapolated, below
+//   occlusion_hessian   ellipse from the eigenvalues of the Hessian with           extrapolated, below
 //                       occlusion (Schwarzhaupt, Jensen, Jarosz 2012)
 //
 // Ellipses. The error of extrapolating E linearly grows with the second derivative: along an eigenvector of eigenvalue
@@ -25,10 +25,17 @@
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
 // most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
-// with occlusion at most 2 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
+// with occlusion at most 2.5 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
 // normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
+//
+// The error e of a record is 1 at the border of its ellipse. A point in no ellipse needs a new record; in all others
+// every record counts that has e < kOverlap, with weight (1 - e / kOverlap) / (e^4 + kNoise): the square of what
+// extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a record
+// to count within its ellipse alone, most points would have one or two, on the side where the first ray happened to
+// arrive, and corners, extrapolated from the open, would be too bright. A gradient may change E by a share a on the way
+// to the last point where its record counts (restrain).
 //
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
@@ -115,6 +122,9 @@ constexpr float search_reach(Interpolation level, bool of_vpls = false) noexcept
   return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f
                                                                                                  : 1.0f;
 }
+
+/// To how many times the size of its ellipse a record counts where another one covers the point.
+inline constexpr float kOverlap = 4.0f;
 
 /// What a record carries beside the cache.
 struct RecordDetail {
@@ -225,7 +235,23 @@ struct RecordShapes {
 /// What a record brings to a point.
 struct Contribution {
   Irradiance E;
-  float w;  ///< weight; the record counts if it is above 0
+  float w;      ///< weight; the record counts if it is above 0
+  bool covers;  ///< whether its region holds the point, so that no new record is needed
+};
+
+/// Mean of what counts at a point.
+class CoveredMean {
+ public:
+  void add(const Contribution& c) noexcept {
+    sum_.add(c.E, c.w);
+    covered_ |= c.covers;
+  }
+  /// nullopt exactly when no record covered the point.
+  std::optional<Irradiance> result() const noexcept { return covered_ ? sum_.result() : std::nullopt; }
+
+ private:
+  MeanIrradiance sum_;
+  bool covered_ = false;
 };
 
 /// Sums what records extrapolate to one point.
@@ -240,33 +266,43 @@ class Extrapolator {
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
   void operator()(const Record& r, float weight) noexcept {
-    if (const Contribution c = of(r, weight); c.w > 0.0f) sum_.add(c.E, c.w);
+    if (const Contribution c = of(r, weight); c.w > 0.0f) sum_.add(c);
   }
 
-  /// nullopt exactly when no record was valid.
+  /// nullopt exactly when no record covered the point.
   std::optional<Irradiance> result() const noexcept { return sum_.result(); }
+
+  /// Error of a record with an ellipse, 1 at its border.
+  float error_of(const Record& r) const noexcept {
+    const RecordDetail& detail = details_[r.id];
+    const glm::vec3 d = x_.p - r.p;
+    const float along = glm::dot(d, detail.major);
+    const float across2 = std::max(glm::dot(d, d) - along * along, 0.0f);
+    const float off_surface = 0.5f * std::fabs(glm::dot(d, r.n + x_.n));
+    return std::sqrt(square(along * detail.inverse_major) + across2 * square(detail.inverse_minor)) +
+           kOffSurface * off_surface * detail.inverse_minor +
+           inverse_turn_ * std::sqrt(1.0f - std::min(glm::dot(x_.n, r.n), 1.0f));
+  }
 
   /// What one record brings.
   Contribution of(const Record& r, float weight) const noexcept {
-    if (!(glm::dot(x_.n, r.n) > 0.0f)) return {r.E, 0.0f};
-    if (r.id == RecordDetails::kNone)  // there was no room for its details: valid as the split sphere says
-      return {r.E, elliptic_ ? 1.0f - inverse_a_ / weight : weight - inverse_a_};
+    if (!(glm::dot(x_.n, r.n) > 0.0f)) return {r.E, 0.0f, false};
+    if (r.id == RecordDetails::kNone) {  // there was no room for its details: valid as the split sphere says
+      const bool covers = weight > inverse_a_;
+      return {r.E, covers ? weigh(inverse_a_ / weight, weight) : 0.0f, covers};
+    }
     const RecordDetail& detail = details_[r.id];
     const glm::vec3 d = x_.p - r.p;
     float w;
+    bool covers = true;
     if (elliptic_) {
-      const float along = glm::dot(d, detail.major);
-      const float across2 = std::max(glm::dot(d, d) - along * along, 0.0f);
-      const float off_surface = 0.5f * std::fabs(glm::dot(d, r.n + x_.n));
-      const float error =
-          std::sqrt(square(along * detail.inverse_major) + across2 * square(detail.inverse_minor)) +
-          kOffSurface * off_surface * detail.inverse_minor +
-          inverse_turn_ * std::sqrt(1.0f - std::min(glm::dot(x_.n, r.n), 1.0f));
-      w = 1.0f - error;
+      const float error = error_of(r);
+      w = weigh(error, weight);
+      covers = error < 1.0f;
     } else {
-      w = weight - inverse_a_;
+      w = weigh(0.0f, weight);
     }
-    if (!(w > 0.0f)) return {r.E, 0.0f};
+    if (!(w > 0.0f)) return {r.E, 0.0f, false};
     const glm::vec3 turn = glm::cross(r.n, x_.n);
     glm::vec3 E = r.E;
     for (int c = 0; c < 3; ++c) {
@@ -275,19 +311,25 @@ class Extrapolator {
               glm::dot(detail.gradients.rotational[channel], turn);
       E[c] = std::clamp(E[c], 0.0f, kMaxIrradiance);
     }
-    return {E, w};
+    return {E, w, covers};
   }
 
  private:
   static constexpr float kOffSurface = 4.0f;
+  static constexpr float kNoise = 0.1f;
 
   static float square(float x) noexcept { return x * x; }
+
+  // `error`: of elliptic levels; `weight`: of the split sphere, for the others.
+  float weigh(float error, float weight) const noexcept {
+    return elliptic_ ? (1.0f - error / kOverlap) / (square(square(error)) + kNoise) : weight - inverse_a_;
+  }
 
   const RecordDetails& details_;
   SurfacePoint x_;
   float inverse_a_, inverse_turn_;
   bool elliptic_;
-  MeanIrradiance sum_;
+  CoveredMean sum_;
 };
 
 /// Sums what records bring to one point as the level of `shapes` has it, but for those behind something
@@ -305,10 +347,10 @@ class GuardedSum {
 
   /// As those of Extrapolator, or at lower levels of Interpolator.
   void operator()(const Record& r, float weight) noexcept {
-    const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight};
+    const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight, true};
     if (!(c.w > 0.0f)) return;
     if (!is_suspect(x_, r, shapes_.details.marks(r.id))) {
-      sum_.add(c.E, c.w);
+      sum_.add(c);
       return;
     }
     rays_[suspects_] = leak_ray(tracer_.shared(), x_, r);
@@ -329,7 +371,7 @@ class GuardedSum {
   Tracer& tracer_;
   SurfacePoint x_;
   LeakTests& tests_;
-  MeanIrradiance sum_;
+  CoveredMean sum_;
   std::uint32_t suspects_ = 0;
   std::array<Ray, kLeakPacket> rays_;
   std::array<Contribution, kLeakPacket> held_;

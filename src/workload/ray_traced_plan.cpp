@@ -55,16 +55,16 @@ PrimaryHits centre_hits(const RayTracer& rays, int width, int height) {
 
 Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std::uint32_t spp,
                          std::uint64_t seed) {
-  const std::uint32_t half = std::max(1u, spp / 2);
+  const std::uint32_t half_spp = std::max(1u, spp / 2);
   Image halves[2];
   for (std::uint32_t h = 0; h < 2; ++h) {
     halves[h] = make_image(primary.width, primary.height);
     for_all_tiles(rays, primary.width, primary.height, [&](const Tile& tile, Tracer& tracer) {
-      path_indirect_tile(tracer, primary, half, SampleKey{seed, 0, h * half}, tile, halves[h]);
+      path_indirect_tile(tracer, primary, half_spp, SampleKey{seed, 0, h * half_spp}, tile, halves[h]);
     });
   }
   Reference out;
-  out.spp = 2 * half;
+  out.spp = 2 * half_spp;
   out.indirect = halves[0];
   for (std::size_t i = 0; i < out.indirect.pixels.size(); ++i) {
     out.indirect.pixels[i] = 0.5f * (halves[0].pixels[i] + halves[1].pixels[i]);
