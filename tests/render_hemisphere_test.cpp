@@ -150,8 +150,8 @@ TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
   const RecordShaper geometry = shaper_of(Interpolation::geometric_hessian);
   EXPECT_NEAR(reach(occlusion, kFar, 1.0f) / reach(occlusion, kFar, 1.0f / 64.0f), 2.0f, 1e-3f);
   EXPECT_NEAR(reach(geometry, kFar, 1.0f) / reach(geometry, kFar, 1.0f / 16.0f), 2.0f, 1e-3f);
-  EXPECT_NEAR(reach(occlusion, 0.05f, 1.0f), 2.5f * 0.2f * 0.05f, 1e-6f);
-  EXPECT_NEAR(reach(occlusion, 0.0f, 1.0f), 0.006f * 0.2f * 2.0f * std::sqrt(3.0f), 1e-6f);
+  EXPECT_NEAR(reach(occlusion, 0.05f, 1.0f), 3.75f * 0.2f * 0.05f, 1e-6f);
+  EXPECT_NEAR(reach(occlusion, 0.0f, 1.0f), 0.009f * 0.2f * 2.0f * std::sqrt(3.0f), 1e-6f);
   EXPECT_FLOAT_EQ(reach(geometry, 0.05f, 1.0f), reach(geometry, kFar, 1.0f));
 }
 

@@ -22,8 +22,8 @@ constexpr float kMostStretch = 2.0f;  // of an ellipse
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.18f, 1.0f / 6.0f, 0.006f};
-constexpr float kMostOfMean = 2.5f;  // of the mean distance, times a
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.27f, 1.0f / 6.0f, 0.009f};
+constexpr float kMostOfMean = 3.75f;  // of the mean distance, times a
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.

@@ -24,9 +24,9 @@
 // geometry q is 1/4, which spreads the error evenly over regions (Schwarzhaupt et al. 2012). With occlusion it is 1/6:
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
-// most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
-// with occlusion at most 2.5 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
-// normal may turn as far as the split-sphere error allows, with occlusion that of 2 a. A point off the record's
+// most a fifth of D and at least a hundredth of a D, with occlusion 0.009; by geometry alone at most a E / |gradient|;
+// with occlusion at most 3.75 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
+// normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
 //
@@ -44,7 +44,7 @@
 // < a is |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
 //
 // Where normals may turn so far that those of the two sides of a sheet would do (the errors of VPLs' records from a =
-// 0.47 on, those with occlusion from 0.7), a record counts on its own side alone: up to right angles.
+// 0.47 on, as those with occlusion), a record counts on its own side alone: up to right angles.
 #pragma once
 
 #include <algorithm>
@@ -119,8 +119,8 @@ inline constexpr float kTurnOfVpls = 3.0f;
 /// or that normals may turn farther than a alone allows. `of_vpls`: of a cache whose records these give.
 constexpr float search_reach(Interpolation level, bool of_vpls = false) noexcept {
   if (of_vpls && extrapolates(level)) return kTurnOfVpls;
-  return level == Interpolation::neighbour_clamping || level == Interpolation::occlusion_hessian ? 2.0f
-                                                                                                 : 1.0f;
+  if (level == Interpolation::occlusion_hessian) return 3.0f;
+  return level == Interpolation::neighbour_clamping ? 2.0f : 1.0f;
 }
 
 /// To how many times the size of its ellipse a record counts where another one covers the point.
