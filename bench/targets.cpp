@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
@@ -127,8 +128,16 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
   return out;
 }
 
+/// Where rows are kept until all are measured: a list cut short would look complete. Empty if there is no such place.
+std::filesystem::path unfinished(std::filesystem::path json) {
+  if (json.empty() || (std::filesystem::exists(json) && !std::filesystem::is_regular_file(json))) return {};
+  return json += ".unfinished";
+}
+
 int run(const Options& o) {
+  const std::filesystem::path so_far = unfinished(o.json);
   if (!o.json.empty()) require_writable("--json", o.json);
+  if (!so_far.empty()) require_writable("--json", so_far);
   const std::vector<Row> all = all_rows();
   const std::vector<const Row*> rows = rows_of(all, o.rows);
   if (o.list) {
@@ -154,6 +163,7 @@ int run(const Options& o) {
     }).join();
     if (error) std::rethrow_exception(error);
     json.push_back(to_json(*row, m, o.samples));
+    if (!so_far.empty()) write_file(so_far, json.dump(2) + "\n");
     failed |= m.verdict == "fail";
     const std::string figures =
         m.ratios.size() < o.samples
@@ -164,8 +174,8 @@ int run(const Options& o) {
                m.verdict, m.why.empty() ? "" : ": " + m.why);
     std::fflush(stdout);
   }
-  if (!o.json.empty())
-    write_file(o.json, json.dump(2) + "\n");  // at the end: a list cut short would look complete
+  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  if (!so_far.empty()) std::filesystem::remove(so_far);
   return failed ? 1 : 0;
 }
 
@@ -175,7 +185,8 @@ int run(const Options& o) {
 int main(int argc, char** argv) {
   icbench::Options o;
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
-  app.add_option("--json", o.json, "Also write the rows to this file");
+  app.add_option("--json", o.json,
+                 "Also write the rows to this file; to FILE.unfinished until\nall are measured");
   app.add_option("--rows", o.rows, "Only these rows, separated by commas")
       ->check([](const std::string& text) {
         return text.empty() ? "no row is named; leave --rows away for all" : "";

@@ -1,14 +1,10 @@
 // The `icstress` program: runs caches under stress and under every schedule of small programs, judges what was seen,
 // and proves by controls that it was strong enough to see anything.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -150,20 +146,6 @@ void write_json(const std::string& path, const ordered_json& content) {
   }
 }
 
-/// Fails before the work, not after it, if the file cannot be written.
-void require_writable(const std::string& path) {
-  const auto refuse = [&](int code) {
-    throw std::runtime_error(
-        fmt::format("cannot write --json '{}': {}; name a file in a folder that can be written", path,
-                    std::strerror(code)));
-  };
-  if (path.empty()) refuse(ENOENT);
-  if (std::filesystem::is_directory(path)) refuse(EISDIR);
-  if (is_written_in_place(path)) return;
-  const std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
-  if (::access(folder.c_str(), W_OK | X_OK) != 0) refuse(errno);
-}
-
 int fail(std::string_view line) {
   fmt::print(stderr, "icstress: {}\n", line);
   return 2;
@@ -239,7 +221,7 @@ int run_program(int argc, char** argv) {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
     if (replay->count() > 0) return print_replay(options.replay);
-    if (json->count() > 0) require_writable(options.json);
+    if (json->count() > 0) require_writable("--json", options.json);
     Run run(options);  // refuses names that nobody knows, before anything else is said
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;

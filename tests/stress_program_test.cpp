@@ -50,7 +50,8 @@ TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
   expect_bad_usage("--operations 0", "--operations");
   expect_bad_usage("--seed -1", "--seed");
   expect_bad_usage("--json /nonexistent/x.json", "/nonexistent/x.json");
-  expect_bad_usage("--json /", "directory");
+  expect_bad_usage("--json /", "folder");
+  expect_bad_usage("--json ''", "names no file");
   expect_bad_usage("wait_free", "unexpected argument");
   expect_bad_usage("--explore much", "--explore");
   expect_bad_usage("--preemptions -1", "--preemptions");

@@ -1,4 +1,4 @@
-// Option values that several subcommands share. All throw std::runtime_error with one line.
+// Option values that several subcommands and programs share. All throw std::runtime_error with one line.
 #pragma once
 
 #include <fmt/format.h>
@@ -118,6 +118,7 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
   const auto refuse = [&](const std::string& why) {
     throw std::runtime_error(fmt::format("{} '{}': {}", option, path.string(), why));
   };
+  if (path.empty()) refuse("this names no file");
   std::error_code none;
   if (std::filesystem::is_directory(path, none)) refuse("this is a folder; name a file");
   const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";

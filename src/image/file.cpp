@@ -84,16 +84,17 @@ std::string load_file(const fs::path& path) {
 
 void write_file(const fs::path& path, std::string_view bytes) {
   std::error_code ignored;
-  const fs::path target = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path, ignored) : path;
-  const fs::file_status status = fs::status(target, ignored);
+  const fs::file_status status = fs::status(path, ignored);
   if (fs::is_directory(status)) fail("write", path, EISDIR);
 
-  if (fs::exists(status) && !fs::is_regular_file(status)) {
-    Descriptor file(::open(target.c_str(), O_WRONLY | O_CLOEXEC));
+  if (fs::exists(status) &&
+      !fs::is_regular_file(status)) {  // by its own name: /dev/stdout may lead to a nameless pipe
+    Descriptor file(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
     if (file.get() < 0 || !write_all(file.get(), bytes) || !file.close()) fail("write", path, errno);
     return;
   }
 
+  const fs::path target = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path, ignored) : path;
   const fs::path temporary = temporary_beside(target);
   Descriptor file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
   if (file.get() < 0) fail("write", path, errno);

@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+"""bench/targets keeps what it has measured, and what it refuses it refuses before it measures.
+
+Environment: TARGETS, the program.
+"""
+
+import json
+import os
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+TARGETS = os.environ["TARGETS"]
+QUICK, LONG = "packed_memory_100000", "interleaved_over_tic_sibenik"  # a second; minutes
+
+
+class Targets(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.file = Path(folder.name) / "rows.json"
+        self.unfinished = Path(folder.name) / "rows.json.unfinished"
+
+    @staticmethod
+    def run_rows(*options, seconds="1"):
+        return subprocess.run([TARGETS, "--seconds", seconds, *options], text=True, stdout=subprocess.PIPE,
+                              stderr=subprocess.PIPE, check=False)
+
+    def test_a_finished_run_leaves_one_complete_file(self):
+        self.assertEqual(self.run_rows("--rows", QUICK, "--json", str(self.file)).returncode, 0)
+        (row,) = json.loads(self.file.read_text(encoding="utf-8"))
+        self.assertEqual((row["name"], row["verdict"]), (QUICK, "pass"))
+        self.assertLessEqual(row["low"], row["median"])
+        self.assertFalse(self.unfinished.exists())
+
+    # Guards against: an hour of rows lost with the one during which the machine went down.
+    def test_an_interrupted_run_keeps_its_rows_and_does_not_look_complete(self):
+        command = [TARGETS, "--rows", f"{QUICK},{LONG}", "--json", str(self.file)]
+        with subprocess.Popen(command, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as run:
+            self.assertIn(QUICK, [next(run.stdout), next(run.stdout)][1])
+            run.kill()
+        self.assertFalse(self.file.exists())
+        self.assertEqual([row["name"] for row in json.loads(self.unfinished.read_text(encoding="utf-8"))], [QUICK])
+
+    def test_standard_output_takes_rows_too(self):
+        done = self.run_rows("--rows", QUICK, "--json", "/dev/stdout")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn(f'"name": "{QUICK}"', done.stdout)
+
+    def test_bad_usage_is_one_line(self):
+        for options, hint in ((["--rows", "packed_memory_100"], f"did you mean '{QUICK}'"),
+                              (["--rows", ""], "no row is named"),
+                              (["--rows", QUICK, "--json", "/nowhere/rows.json"], "there is no folder"),
+                              (["--rows", QUICK, "--samples", "5"], "6 to 2000")):
+            with self.subTest(options=options):
+                self.refuses(self.run_rows(*options), hint)
+        self.refuses(self.run_rows("--rows", QUICK, seconds="nan"), "not a number")
+
+    def refuses(self, done, hint):
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        self.assertIn(hint, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
