@@ -25,23 +25,23 @@
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
 // most a fifth of D and at least a hundredth of a D, with occlusion 0.009; by geometry alone at most a E / |gradient|;
-// with occlusion at most 3.75 a times the harmonic mean distance, and at most kMostPixels as projected to the screen. The
-// normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
+// with occlusion at most 3.75 a times the harmonic mean distance, and at most kMostPixels as projected to the screen.
+// The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
 //
 // The error e of a record is 1 at the border of its ellipse. A point in no ellipse needs a new record; in all others
 // every record counts that has e < kOverlap, with weight (1 - e / kOverlap) / (e^4 + kNoise): the square of what
-// extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a record
-// to count within its ellipse alone, most points would have one or two, on the side where the first ray happened to
-// arrive, and corners, extrapolated from the open, would be too bright. A gradient may change E by a share a on the way
-// to the last point where its record counts (restrain).
+// extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a
+// record to count within its ellipse alone, most points would have one or two, on the side where the first ray happened
+// to arrive, and corners, extrapolated from the open, would be too bright. A gradient may change E by a share a on the
+// way to the last point where its record counts (restrain).
 //
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
-// the error that is left grows with the square of the turn. That took 29 % of the
-// records of four bunnies' room away, and no more of them was seen in one picture (bench/MEASURED.md). Since |d| / R + turn / k
-// < a is |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
+// the error that is left grows with the square of the turn. That took 29 % of the records of four bunnies' room away,
+// and no more of them was seen in one picture (bench/MEASURED.md). Since |d| / R + turn / k < a is
+// |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
 //
 // Where normals may turn so far that those of the two sides of a sheet would do (the errors of VPLs' records from a =
 // 0.47 on, as those with occlusion), a record counts on its own side alone: up to right angles.
@@ -287,22 +287,16 @@ class Extrapolator {
   /// What one record brings.
   Contribution of(const Record& r, float weight) const noexcept {
     if (!(glm::dot(x_.n, r.n) > 0.0f)) return {r.E, 0.0f, false};
-    if (r.id == RecordDetails::kNone) {  // there was no room for its details: valid as the split sphere says
-      const bool covers = weight > inverse_a_;
-      return {r.E, covers ? weigh(inverse_a_ / weight, weight) : 0.0f, covers};
-    }
+    // Without details, for which there was no room, it is valid as the split sphere says.
+    const bool has_details = r.id != RecordDetails::kNone, by_ellipse = elliptic_ && has_details;
+    const float error = by_ellipse ? error_of(r) : inverse_a_ / weight;
+    if (!(error < (by_ellipse ? kOverlap : 1.0f))) return {r.E, 0.0f, false};
+    const float w =
+        elliptic_ ? (1.0f - error / kOverlap) / (square(square(error)) + kNoise) : weight - inverse_a_;
+    const bool covers = error < 1.0f;
+    if (!has_details) return {r.E, w, covers};
     const RecordDetail& detail = details_[r.id];
     const glm::vec3 d = x_.p - r.p;
-    float w;
-    bool covers = true;
-    if (elliptic_) {
-      const float error = error_of(r);
-      w = weigh(error, weight);
-      covers = error < 1.0f;
-    } else {
-      w = weigh(0.0f, weight);
-    }
-    if (!(w > 0.0f)) return {r.E, 0.0f, false};
     const glm::vec3 turn = glm::cross(r.n, x_.n);
     glm::vec3 E = r.E;
     for (int c = 0; c < 3; ++c) {
@@ -319,11 +313,6 @@ class Extrapolator {
   static constexpr float kNoise = 0.1f;
 
   static float square(float x) noexcept { return x * x; }
-
-  // `error`: of elliptic levels; `weight`: of the split sphere, for the others.
-  float weigh(float error, float weight) const noexcept {
-    return elliptic_ ? (1.0f - error / kOverlap) / (square(square(error)) + kNoise) : weight - inverse_a_;
-  }
 
   const RecordDetails& details_;
   SurfacePoint x_;
