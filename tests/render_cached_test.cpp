@@ -379,8 +379,8 @@ TEST_P(RenderInterpolation, TheGuardStopsLeaksThroughAThinWall) {
         outside[false], outside[true]);
     EXPECT_GT(inside[false], 0.02) << "nothing leaks";
     EXPECT_LT(inside[true], (gap > 0.0f ? 0.3 : 0.05) * inside[false]);
-    // The guard makes records behind the wall, and those close to a slit count before it.
-    EXPECT_LT(outside[true], (gap > 0.0f ? 1.4 : 1.2) * outside[false]);
+    // Above a slit 0.030 instead of 0.025 by the occlusion Hessian, darker within 10 cm of the wall.
+    EXPECT_LT(outside[true], (gap > 0.0f ? 1.3 : 1.2) * outside[false]);
   }
 }
 

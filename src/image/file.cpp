@@ -87,8 +87,8 @@ void write_file(const fs::path& path, std::string_view bytes) {
   const fs::file_status status = fs::status(path, ignored);
   if (fs::is_directory(status)) fail("write", path, EISDIR);
 
-  if (fs::exists(status) &&
-      !fs::is_regular_file(status)) {  // by its own name: /dev/stdout may lead to a nameless pipe
+  // By its own name: /dev/stdout may lead to a nameless pipe.
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
     Descriptor file(::open(path.c_str(), O_WRONLY | O_CLOEXEC));
     if (file.get() < 0 || !write_all(file.get(), bytes) || !file.close()) fail("write", path, errno);
     return;

@@ -34,8 +34,9 @@
 // every record counts that has e < kOverlap, with weight (1 - e / kOverlap) / (e^4 + kNoise): the square of what
 // extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a
 // record to count within its ellipse alone, most points would have one or two, on the side where the first ray happened
-// to arrive, and corners, extrapolated from the open, would be too bright. A gradient may change E by a share a on the
-// way to the last point where its record counts (restrain).
+// to arrive, and corners, extrapolated from the open, would be too bright. R is that of the last point where a record
+// counts, so that its gradient may change E by a share search_reach a on the whole way there (restrain), and by a
+// kOverlap-th of that within the ellipse.
 //
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
