@@ -254,14 +254,15 @@ class Simulate(Case):
 
     @unittest.skipIf(len(os.sched_getaffinity(0)) < 2, "needs two processing units")
     def test_a_validation_tells_how_far_off_and_leaves_its_costs(self):
-        given = dict(caches="packed_global_mutex", workloads="miss_driven:cost=1:operations=2000", out="out.json",
+        given = dict(caches="packed_global_mutex", workloads="miss_driven:cost=1:operations=2000",
                      calibration="costs.json")
         self.succeed(*arguments_of("simulate", given | dict(cores="1"), {}))
-        before = self.load("costs.json")
+        before, simulated = self.load("costs.json"), self.load("simulated.json")
         self.assertNotIn("validation", before)
         done = self.run_icbench(*arguments_of("simulate", given | dict(repetitions=2), {}), "--validate")
         self.assertIn(done.returncode, (0, 1), done.stderr)  # how far off it is, is not ours to say
-        after, rows = self.load("costs.json"), self.load("out.json")["benchmarks"]
+        self.assertEqual(self.load("simulated.json"), simulated)
+        after, rows = self.load("costs.json"), self.load("validation.json")["benchmarks"]
         key, = after["costs"]
         self.assertNotEqual(after["costs"][key]["trial_ns"], before["costs"][key]["trial_ns"])
         validation = after["validation"]

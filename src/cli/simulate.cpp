@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "cli/command.h"
 #include "cli/options.h"
@@ -21,10 +23,14 @@ namespace {
 constexpr const char* kDefaultCores = "1,2,4,8,16,32,64,128,256";
 struct SimulateOptions {
   std::string cores = kDefaultCores, caches = fmt::format("{}", fmt::join(kUsualCaches, ",")), workloads,
-              out = "simulated.json", calibration, transfers, hand_over;
+              calibration, transfers, hand_over;
+  std::optional<std::string> out;
   std::uint64_t seed = 1;
   unsigned complex_cores = 8, socket_cores = 64, repetitions = 9;
   bool recalibrate = false, validate = false;
+
+  /// A validation does not take the place of what was simulated before.
+  std::string out_or_default() const { return out.value_or(validate ? "validation.json" : "simulated.json"); }
 };
 
 std::vector<unsigned> parse_cores(std::string_view text) {
@@ -137,10 +143,11 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
 void simulate_command(const SimulateOptions& o) {
   const Topology topology = Topology::of_this_process();
   SimulationRequest request = request_of(o, topology);
+  const std::string out = o.out_or_default();
   std::vector<GivenFile> traces;
   for (const WorkloadSpec& w : request.workloads) traces.push_back({"a workload's trace", w.file});
-  require_apart({{"--out", o.out}, {"--calibration", request.calibration_path}}, traces);
-  require_writable("--out", o.out);
+  require_apart({{"--out", out}, {"--calibration", request.calibration_path}}, traces);
+  require_writable("--out", out);
   RunInfo info;
   info.command_line = command_line();
   info.seed = o.seed;
@@ -183,7 +190,7 @@ void simulate_command(const SimulateOptions& o) {
                                                 {"seed", r.seed}};
   simulation.complete_calibration(
       [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
-  ResultsWriter results(o.out, context, configuration);
+  ResultsWriter results(out, context, configuration);
   if (o.validate) return validate(simulation, topology, o, results);
 
   const std::vector<SimulationPoint> points = simulation.points();
@@ -259,7 +266,10 @@ void add_simulate(CLI::App& app) {
       ->excludes(hand_over)
       ->excludes(transfers);
   add_whole(simulate, "--repetitions", o->repetitions, 1u, 100'000u, "Of measured points, for --validate");
-  simulate->add_option("--out", o->out, "Results (JSON)")->type_name("FILE")->capture_default_str();
+  simulate
+      ->add_option("--out", o->out,
+                   "Results (JSON) (default: simulated.json; with --validate\nvalidation.json)")
+      ->type_name("FILE");
   simulate->callback([o] { simulate_command(*o); });
 }
 
