@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <thread>
 #include <vector>
@@ -41,6 +42,11 @@ class Estimate {
  private:
   double n_ = 0.0, mean_ = 0.0, squares_ = 0.0;
 };
+
+// What lies below a point.
+inline Hit down(Tracer& tracer, const glm::vec3& from) {
+  return tracer.intersect(Ray{from, std::numeric_limits<float>::infinity(), {0, -1, 0}});
+}
 
 inline Image blank(int width, int height) {
   Image image;
