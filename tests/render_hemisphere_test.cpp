@@ -17,6 +17,7 @@
 #include "lambert.h"
 #include "render/extrapolation.h"
 #include "render/hemisphere.h"
+#include "render/radiance_smoother.h"
 #include "scene/registry.h"
 
 namespace icbench {
@@ -151,8 +152,80 @@ TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
   EXPECT_NEAR(reach(occlusion, kFar, 1.0f) / reach(occlusion, kFar, 1.0f / 64.0f), 2.0f, 1e-3f);
   EXPECT_NEAR(reach(geometry, kFar, 1.0f) / reach(geometry, kFar, 1.0f / 16.0f), 2.0f, 1e-3f);
   EXPECT_NEAR(reach(occlusion, 0.05f, 1.0f), 3.75f * 0.2f * 0.05f, 1e-6f);
-  EXPECT_NEAR(reach(occlusion, 0.0f, 1.0f), 0.009f * 0.2f * 2.0f * std::sqrt(3.0f), 1e-6f);
+  EXPECT_NEAR(reach(occlusion, 0.0f, 1.0f), 0.006f * 0.2f * 2.0f * std::sqrt(3.0f), 1e-6f);
   EXPECT_FLOAT_EQ(reach(geometry, 0.05f, 1.0f), reach(geometry, kFar, 1.0f));
+}
+
+// Guards against: as many records in the dark as where the light is, which is what an error relative to each record's own
+// irradiance asks for.
+TEST(RenderHemisphere, ErrorsAreJudgedByTheMeanOfThePicture) {
+  const Hemisphere seen = seen_from_origin(kLamp, {0.25, 0.75}, kFine);
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  RecordShaper shaper(Interpolation::occlusion_hessian, 0.2f, bounds,
+                      RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10);
+  shaper.look_from({.eye = {0, 0, 10}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f});
+  const auto reach = [&](float of_picture, float mean, float E) {
+    shaper.expect(of_picture);
+    RecordDetail detail;
+    shaper.ellipse(glm::vec3(0.0f), seen, mean, glm::vec3(E), detail);
+    return 1.0f / detail.inverse_minor;
+  };
+  constexpr float kFar = std::numeric_limits<float>::infinity();
+  const float known = reach(1.0f, kFar, 1.0f);
+  EXPECT_FLOAT_EQ(known, reach(0.0f, kFar, 1.0f)) << "unknown: the record's own";
+  EXPECT_FLOAT_EQ(reach(1.0f, kFar, 0.5f), known);
+  EXPECT_FLOAT_EQ(reach(1.0f, kFar, 2.0f), known);
+  EXPECT_NEAR(reach(1e20f, kFar, 1.0f) / known, 2.0f, 1e-3f) << "the sixth root of 64";
+  EXPECT_NEAR(reach(1e-20f, kFar, 1.0f) / known, 0.5f, 1e-3f);
+  const float near = reach(1.0f, 0.07f, 1.0f);
+  EXPECT_FLOAT_EQ(reach(1.0f, 0.07f, 0.1f), near);
+  EXPECT_NEAR(reach(1.0f, 0.07f, 2.0f), near / 4.0f, 1e-6f);
+  EXPECT_NEAR(reach(1.0f, 0.07f, 3.0f), near / 9.0f, 1e-6f);
+  EXPECT_NEAR(reach(1.0f, 0.07f, 1e20f), near / 10.0f, 1e-6f);
+}
+
+// Guards against: light that smoothing carries over the edge of what is near, or from one wall to the next.
+TEST(RadianceSmoothing, MixesNothingAcrossEdgesAndCorners) {
+  // A screen before a lamp; and a corner, whose two sides are as far away as each other.
+  const auto before_lamp = [](const glm::vec3& d) -> HemisphereSample {
+    const bool hidden = d.x < 0.1f;
+    return {d, hidden ? 0.5f : 1.0f, glm::vec3(hidden ? 1.0f : 3.0f), {0, 0, -1}};
+  };
+  const auto in_corner = [](const glm::vec3& d) -> HemisphereSample {
+    const bool left = d.x < 0.0f;
+    return {d, 1.0f, glm::vec3(left ? 2.0f : 0.0f), left ? glm::vec3(1, 0, 0) : glm::vec3(0, 0, -1)};
+  };
+  const auto expect_unchanged = [](const Hemisphere& seen) {
+    Hemisphere smooth = seen;
+    RadianceSmoother{}(smooth);
+    for (std::size_t i = 0; i < seen.samples.size(); ++i)
+      for (int c = 0; c < 3; ++c) ASSERT_FLOAT_EQ(smooth.samples[i].L[c], seen.samples[i].L[c]) << i;
+  };
+  // Narrow rows do not meet themselves on their way round; nothing is seen outdoors.
+  for (const Strata strata : {Strata{36, 114}, Strata{2, 5}, Strata{1, 4}, Strata{3, 2}, Strata{1, 1}}) {
+    expect_unchanged(hemisphere_around({0, 0, 1}, strata, before_lamp));
+    expect_unchanged(hemisphere_around({0, 0, 1}, strata, in_corner));
+    expect_unchanged(hemisphere_around({0, 0, 1}, strata, [](const glm::vec3& d) -> HemisphereSample {
+      return {d, std::numeric_limits<float>::infinity(), glm::vec3(0.0f), {0, 0, 1}};
+    }));
+  }
+}
+
+TEST(RadianceSmoothing, IsTheMeanOfTheCellsAround) {
+  const Strata strata{9, 12};
+  Hemisphere seen = hemisphere_around({0, 0, 1}, strata, [](const glm::vec3& d) -> HemisphereSample {
+    return {d, 1.0f, glm::vec3(0.0f), {0, 0, -1}};
+  });
+  seen.samples[4 * 12 + 0].L = {25.0f, 50.0f, 75.0f};
+  RadianceSmoother smooth;
+  smooth(seen);
+  for (std::uint32_t m = 0; m < strata.elevations; ++m)
+    for (std::uint32_t n = 0; n < strata.azimuths; ++n) {
+      const bool near = m >= 2 && m <= 6 && (n <= 2 || n >= 10);
+      const float share = near ? 1.0f : 0.0f;  // a 25th
+      EXPECT_NEAR(seen.at(m, n).L.x, share, 1e-5f) << m << ' ' << n;
+      EXPECT_NEAR(seen.at(m, n).L.z, 3.0f * share, 1e-5f) << m << ' ' << n;
+    }
 }
 
 // Rooms whose irradiance is known everywhere: its derivatives, by finite differences, against those of one gather.
@@ -234,6 +307,11 @@ TEST(DerivativesInRooms, OverAPlate) {
     EXPECT_LT(off.translational, 0.03);
     EXPECT_LT(off.rotational, 0.02);
     EXPECT_LT(off.second, 0.1);
+    RadianceSmoother{}(seen);
+    const Misses smoothed = misses("plate, smoothed", of_gather(seen), of_closed_form(E, x.at));
+    EXPECT_LT(smoothed.translational, 0.03);
+    EXPECT_LT(smoothed.rotational, 0.02);
+    EXPECT_LT(smoothed.second, 0.1);
   }
 }
 
@@ -264,26 +342,39 @@ TEST(DerivativesInRooms, InAFurnaceAreNone) {
   const RayTracer rays(make_scene("white_furnace"));
   Tracer tracer(rays);
   const Hit at = primary_hits(rays, 3, 3).hits[4];
-  Estimate first[4], second[3];
+  struct Estimates {
+    Estimate first[4], second[3];
+
+    void add(const Derivatives& d) {
+      for (int i = 0; i < 2; ++i) {
+        first[i].add(d.translational[i]);
+        first[2 + i].add(d.rotational[i]);
+        second[i].add(d.second[i][i]);
+      }
+      second[2].add(d.second[0][1]);
+    }
+  } plain, smoothed;
   Hemisphere seen;
+  RadianceSmoother smooth;
   for (std::uint64_t seed = 0; seed < 100; ++seed) {
     gather(tracer, at, Strata{16, 50}, seed, seen);
-    const Derivatives d = of_gather(seen);
-    for (int i = 0; i < 2; ++i) {
-      first[i].add(d.translational[i]);
-      first[2 + i].add(d.rotational[i]);
-      second[i].add(d.second[i][i]);
+    plain.add(of_gather(seen));
+    smooth(seen);
+    smoothed.add(of_gather(seen));
+  }
+  for (const Estimates* of : {&plain, &smoothed}) {
+    for (const Estimate& e : of->first) {
+      EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
+      EXPECT_LE(e.error(), 0.03 * kPi * kRho) << "too few samples to say anything";  // per metre, per radian
     }
-    second[2].add(d.second[0][1]);
+    for (const Estimate& e : of->second) {
+      EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
+      EXPECT_LE(e.error(), 0.15 * kPi * kRho) << "too few samples to say anything";  // per square metre
+    }
   }
-  for (const Estimate& e : first) {
-    EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
-    EXPECT_LE(e.error(), 0.03 * kPi * kRho) << "too few samples to say anything";  // per metre, per radian
-  }
-  for (const Estimate& e : second) {
-    EXPECT_LE(std::abs(e.mean()), 4.0 * e.error());
-    EXPECT_LE(e.error(), 0.15 * kPi * kRho) << "too few samples to say anything";  // per square metre
-  }
+  // What smoothing is for. Gradients have nothing to gain where distances vary as little as here: differences between
+  // cells add up to those between ends.
+  for (int i = 0; i < 3; ++i) EXPECT_LT(smoothed.second[i].error(), 0.5 * plain.second[i].error());
 }
 
 // Along the wall of a sphere irradiance is the same: what moving adds, turning with the wall takes away.

@@ -22,8 +22,10 @@ constexpr float kMostStretch = 2.0f;  // of an ellipse
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.27f, 1.0f / 6.0f, 0.009f};
-constexpr float kMostOfMean = 3.75f;  // of the mean distance, times a
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.27f, 1.0f / 6.0f, 0.006f};
+constexpr float kMostOfMean = 3.75f;    // of the mean distance, times a
+constexpr float kMostContrast = 64.0f;  // between a record and the picture, as far as its reach follows
+constexpr float kLeastOfLimit = 0.1f;   // of that by the mean distance, for the brightest
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.
@@ -33,6 +35,18 @@ float change_length(const Irradiance& E, const IrradianceGradients& g) noexcept 
   const glm::vec3 gradient =
       0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
   return 1.0f / glm::length(gradient / brightness);
+}
+
+// The irradiance by which the reach of a record of irradiance E goes, in a picture of that mean (0: unknown).
+float judged_by(float E, float mean) noexcept {
+  return mean > 0.0f ? std::clamp(mean, E / kMostContrast, kMostContrast * E) : E;
+}
+
+// By how much it is limited more closely than others for being bright.
+float share_for_brightness(float E, float mean) noexcept {
+  if (!(mean > 0.0f && E > mean)) return 1.0f;
+  const float share = mean / E;
+  return std::max(share * share, kLeastOfLimit);
 }
 
 }  // namespace
@@ -134,9 +148,12 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   if (seen.strata.count() >= kLeastCellsForHessian) {
     const glm::mat2 H = knows_light ? occlusion_hessian(seen, near) : geometric_hessian(seen, near);
     const float brightness = luminance(E);
+    const float unit_of_error = knows_light ? judged_by(brightness, mean_irradiance_) : brightness;
     const float area = diagonal_ * diagonal_;
-    const Eigen2 e = magnitudes_of(brightness > 0.0f ? H / brightness * area : glm::mat2(0.0f));
-    const float slow = a_ * (knows_light ? kMostOfMean * mean : change_length(E, detail.gradients));
+    const Eigen2 e = magnitudes_of(unit_of_error > 0.0f ? H / unit_of_error * area : glm::mat2(0.0f));
+    const float slow =
+        a_ * (knows_light ? share_for_brightness(brightness, mean_irradiance_) * kMostOfMean * mean
+                          : change_length(E, detail.gradients));
     const auto reach = [&](float lambda) {
       const float r = lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
       return std::clamp(std::min(r, slow), least, most);

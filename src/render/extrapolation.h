@@ -24,8 +24,14 @@
 // geometry q is 1/4, which spreads the error evenly over regions (Schwarzhaupt et al. 2012). With occlusion it is 1/6:
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
 // tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
-// most a fifth of D and at least a hundredth of a D, with occlusion 0.009; by geometry alone at most a E / |gradient|;
+// most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
 // with occlusion at most 3.75 a times the harmonic mean distance, and at most kMostPixels as projected to the screen.
+//
+// With occlusion errors are absolute: the E of that formula is the mean irradiance of the picture, as far as that is
+// within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
+// distance is smaller by the square of how much, down to a tenth. A picture's squared error is in its bright places:
+// beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
+// nothing has told the mean, E is the record's own.
 // The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
@@ -200,6 +206,9 @@ class RecordShaper {
   /// The camera of this frame, from which screen limits are measured.
   void look_from(const Camera& camera) noexcept;
 
+  /// Mean luminance of the irradiance in the pictures to come, W/m^2, by which errors are judged; 0: it is not known.
+  void expect(float mean_irradiance) noexcept { mean_irradiance_ = mean_irradiance; }
+
   /// Sets the detail of a record that virtual point lights gave, of split-sphere radius `R`, and returns its own R,
   /// metres, to be asked for with accuracy kTurnOfVpls a: no limits on the screen.
   float shape_of_vpls(float R, const Irradiance& E, const IrradianceGradients& gradients,
@@ -222,6 +231,7 @@ class RecordShaper {
   RadiusLimits limits_;
   float pixel_of_unit_distance_ = 0.0f;
   float height_;
+  float mean_irradiance_ = 0.0f;
   glm::vec3 eye_{0.0f};
 };
 
@@ -311,7 +321,7 @@ class Extrapolator {
 
  private:
   static constexpr float kOffSurface = 4.0f;
-  static constexpr float kNoise = 0.1f;
+  static constexpr float kNoise = 0.3f;
 
   static float square(float x) noexcept { return x * x; }
 

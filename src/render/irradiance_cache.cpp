@@ -43,16 +43,55 @@ Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Visible& x, co
   return {x.hit.p, x.hit.n, limits_.clamp(g.R), g.E, names_(x, key)};
 }
 
+float mean_irradiance(const RayTracer& rays, Crew& crew, int width, int height, std::uint64_t seed) {
+  constexpr int kSide = 16;
+  const Strata strata = Strata::for_rays(16);
+  const CameraView view(rays.scene().camera, width, height);
+  struct Probe {
+    double light = 0.0, weight = 0.0;
+  };
+  std::vector<Probe> probes(kSide * kSide);
+  crew.for_each(probes.size(), kSide, [&](unsigned, Tracer& tracer, std::size_t i) {
+    const auto at = [](std::size_t cell, int size) {
+      return (static_cast<float>(cell) + 0.5f) / kSide * static_cast<float>(size);
+    };
+    const std::uint64_t key = SampleKey{.seed = seed}.of_pixel(static_cast<std::uint32_t>(i), Purpose::probe);
+    Pcg32 random(key);
+    std::vector<WeightedHit> seen;
+    trace_visible(tracer, view.ray(at(i % kSide, width), at(i / kSide, height)), random, seen);
+    for (const WeightedHit& x : seen) {
+      if (!reflects(rays, x.hit)) continue;
+      const float weight = luminance(x.weight);
+      probes[i].light += weight * luminance(gather(tracer, x.hit, strata, key).E);
+      probes[i].weight += weight;
+    }
+  });
+  Probe sum;  // in their order
+  for (const Probe& p : probes) {
+    sum.light += p.light;
+    sum.weight += p.weight;
+  }
+  return sum.weight > 0.0 ? static_cast<float>(sum.light / sum.weight) : 0.0f;
+}
+
 ShapedHemisphereSource::ShapedHemisphereSource(const PassSetup& s)
     : rays_(s.rays),
+      width_(s.width),
+      height_(s.height),
+      seed_(s.seed),
       strata_(Strata::for_rays(s.gather_rays)),
       names_(s.rays.scene(), s.width, s.height),
       shapes_(make_shapes(s)),
       workers_(s.crew.size()) {}
 
-RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew&) {
+RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew& crew) {
   shapes_.shaper.look_from(rays_.scene().camera);
-  if (!changes_light(change)) return RecordsThen::stay;
+  const bool stays = !changes_light(change);
+  if (shapes_.shaper.level() == Interpolation::occlusion_hessian && !(stays && knows_mean_)) {
+    shapes_.shaper.expect(mean_irradiance(rays_, crew, width_, height_, seed_));
+    knows_mean_ = true;
+  }
+  if (stays) return RecordsThen::stay;
   shapes_.details.clear();
   return RecordsThen::go;
 }
@@ -71,6 +110,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
   if (record.id == RecordDetails::kNone) return record;
   if (extrapolates(shaper.level())) {
     RecordDetail& detail = shapes_.details[record.id];
+    w.smooth(w.seen);
     detail.gradients = gradients_of(w.seen, rays_.epsilon());
     record.R = is_elliptic(shaper.level()) ? shaper.ellipse(record.p, w.seen, g.R, g.E, detail)
                                            : shaper.radius(record.p, g.R, g.E, detail.gradients);

@@ -17,6 +17,7 @@
 #include "render/gather.h"
 #include "render/indirect_pass.h"
 #include "render/primary.h"
+#include "render/radiance_smoother.h"
 #include "render/ray_tracer.h"
 #include "render/record_source.h"
 #include "render/sampling.h"
@@ -70,7 +71,12 @@ RecordShapes make_shapes(const PassSetup& setup);
 /// accuracy times that.
 RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
-/// The same at the other levels of interpolation: with gradients, and radii as the level says; at all of them with a
+/// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera: by
+/// 256 pixels on a grid, 16 rays each: of a standard deviation of 3 to 9 % in four scenes; 0 where none of them reflects light. Whoever the threads
+/// are and however many, the same.
+float mean_irradiance(const RayTracer& rays, Crew& crew, int width, int height, std::uint64_t seed);
+
+/// Records by hemisphere gathers at the other levels of interpolation: with gradients, and radii as the level says; at all of them with a
 /// guard against leaks, if asked for. Ids are those of RecordDetails where records are extrapolated or guarded, else of
 /// RecordNames.
 class ShapedHemisphereSource final : public RecordSource {
@@ -86,6 +92,7 @@ class ShapedHemisphereSource final : public RecordSource {
  private:
   struct alignas(kNoSharing) Worker {
     Hemisphere seen;
+    RadianceSmoother smooth;
   };
 
   bool has_details() const noexcept {
@@ -93,9 +100,12 @@ class ShapedHemisphereSource final : public RecordSource {
   }
 
   const RayTracer& rays_;
+  int width_, height_;
+  std::uint64_t seed_;
   Strata strata_;
   RecordNames names_;
   RecordShapes shapes_;
+  bool knows_mean_ = false;  // of the light that there is
   std::vector<Worker> workers_;
 };
 
