@@ -264,7 +264,7 @@ TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
     for (const Record& r : {left, right}) sum(r, 1.0f);
     return sum.result();
   };
-  const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 0.3f); };
+  const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 1.0f); };
   ASSERT_TRUE(mean_at(0.05f).has_value());
   EXPECT_NEAR(mean_at(0.05f)->x, (weight(0.5f) + 2.0f * weight(2.0f)) / (weight(0.5f) + weight(2.0f)), 1e-5f);
   EXPECT_FALSE(mean_at(0.125f).has_value()) << "a distance of 1.25 ellipses from either";

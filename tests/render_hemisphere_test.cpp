@@ -179,8 +179,8 @@ TEST(RenderHemisphere, ErrorsAreJudgedByTheMeanOfThePicture) {
   EXPECT_NEAR(reach(1e-20f, kFar, 1.0f) / known, 0.5f, 1e-3f);
   const float near = reach(1.0f, 0.07f, 1.0f);
   EXPECT_FLOAT_EQ(reach(1.0f, 0.07f, 0.1f), near);
-  EXPECT_NEAR(reach(1.0f, 0.07f, 2.0f), near / 4.0f, 1e-6f);
-  EXPECT_NEAR(reach(1.0f, 0.07f, 3.0f), near / 9.0f, 1e-6f);
+  EXPECT_NEAR(reach(1.0f, 0.07f, 2.0f), near / 8.0f, 1e-6f);
+  EXPECT_NEAR(reach(1.0f, 0.07f, 1.5f), near / 3.375f, 1e-6f);
   EXPECT_NEAR(reach(1.0f, 0.07f, 1e20f), near / 10.0f, 1e-6f);
 }
 

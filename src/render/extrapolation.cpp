@@ -22,7 +22,7 @@ constexpr float kMostStretch = 2.0f;  // of an ellipse
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.27f, 1.0f / 6.0f, 0.006f};
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.32f, 1.0f / 6.0f, 0.006f};
 constexpr float kMostOfMean = 3.75f;    // of the mean distance, times a
 constexpr float kMostContrast = 64.0f;  // between a record and the picture, as far as its reach follows
 constexpr float kLeastOfLimit = 0.1f;   // of that by the mean distance, for the brightest
@@ -46,7 +46,7 @@ float judged_by(float E, float mean) noexcept {
 float share_for_brightness(float E, float mean) noexcept {
   if (!(mean > 0.0f && E > mean)) return 1.0f;
   const float share = mean / E;
-  return std::max(share * share, kLeastOfLimit);
+  return std::max(share * share * share, kLeastOfLimit);
 }
 
 }  // namespace

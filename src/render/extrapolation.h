@@ -29,7 +29,7 @@
 //
 // With occlusion errors are absolute: the E of that formula is the mean irradiance of the picture, as far as that is
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
-// distance is smaller by the square of how much, down to a tenth. A picture's squared error is in its bright places:
+// distance is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
 // nothing has told the mean, E is the record's own.
 // The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
@@ -321,7 +321,7 @@ class Extrapolator {
 
  private:
   static constexpr float kOffSurface = 4.0f;
-  static constexpr float kNoise = 0.3f;
+  static constexpr float kNoise = 1.0f;
 
   static float square(float x) noexcept { return x * x; }
 
