@@ -32,6 +32,7 @@
 // distance is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
 // nothing has told the mean, E is the record's own.
+//
 // The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
