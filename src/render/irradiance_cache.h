@@ -71,14 +71,14 @@ RecordShapes make_shapes(const PassSetup& setup);
 /// accuracy times that.
 RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
-/// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera: by
-/// 256 pixels on a grid, 16 rays each: of a standard deviation of 3 to 9 % in four scenes; 0 where none of them reflects light. Whoever the threads
-/// are and however many, the same.
+/// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera, from
+/// 256 pixels on a grid by 16 rays each; 0 where none of them reflects light. Its standard deviation is 3 to 9 % in four
+/// scenes (tests/render_cached_test.cpp). The same for any number of threads.
 float mean_irradiance(const RayTracer& rays, Crew& crew, int width, int height, std::uint64_t seed);
 
-/// Records by hemisphere gathers at the other levels of interpolation: with gradients, and radii as the level says; at all of them with a
-/// guard against leaks, if asked for. Ids are those of RecordDetails where records are extrapolated or guarded, else of
-/// RecordNames.
+/// Records by hemisphere gathers at the other levels of interpolation: with gradients, and radii as the level says; at
+/// all of them with a guard against leaks, if asked for. Ids are those of RecordDetails where records are extrapolated
+/// or guarded, else of RecordNames.
 class ShapedHemisphereSource final : public RecordSource {
  public:
   explicit ShapedHemisphereSource(const PassSetup& setup);
