@@ -156,8 +156,8 @@ TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
   EXPECT_FLOAT_EQ(reach(geometry, 0.05f, 1.0f), reach(geometry, kFar, 1.0f));
 }
 
-// Guards against: as many records in the dark as where the light is, which is what an error relative to each record's own
-// irradiance asks for.
+// Guards against: as many records in the dark as where the light is, which is what an error relative to each record's
+// own irradiance asks for.
 TEST(RenderHemisphere, ErrorsAreJudgedByTheMeanOfThePicture) {
   const Hemisphere seen = seen_from_origin(kLamp, {0.25, 0.75}, kFine);
   const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};

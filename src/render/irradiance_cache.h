@@ -71,9 +71,9 @@ RecordShapes make_shapes(const PassSetup& setup);
 /// accuracy times that.
 RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
-/// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera, from
-/// 256 pixels on a grid by 16 rays each; 0 where none of them reflects light. Its standard deviation is 3 to 9 % in four
-/// scenes (tests/render_cached_test.cpp). The same for any number of threads.
+/// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera, by
+/// 16 rays from each of 256 pixels on a grid; 0 where none of them reflects light. Its standard deviation is 3 to 9 % in
+/// four scenes (tests/render_cached_test.cpp). The same for any number of threads.
 float mean_irradiance(const RayTracer& rays, Crew& crew, int width, int height, std::uint64_t seed);
 
 /// Records by hemisphere gathers at the other levels of interpolation: with gradients, and radii as the level says; at
