@@ -80,6 +80,28 @@ TEST(SplitSphereWeight, IsZeroForOppositeNormalsAndForNaN) {
   EXPECT_EQ(split_sphere_weight({{kNaN, 0, 0}, {0, 0, 1}}, r, 1.0f), 0.0f);
 }
 
+// Guards against a quick rejection that disagrees with the formula by rounding, underflow or overflow: points along a
+// record's border, and lengths from where squares vanish to where they are infinite.
+TEST(SplitSphereWeight, QuickRejectionNeverTakesAValidRecord) {
+  Pcg32 rng(7);
+  int valid = 0, rejected = 0;
+  for (int i = 0; i < 300000; ++i) {
+    const float a = 0.002f + 3.0f * rng.uniform();
+    const float R = std::pow(10.0f, 50.0f * rng.uniform() - 30.0f);
+    const glm::vec3 n = random_unit(rng);
+    const bool close = (i & 1) != 0;
+    const float share = close ? 1.0f + 2e-6f * (rng.uniform() - 0.5f) : 3.0f * rng.uniform();
+    const SurfacePoint x{share * a * R * random_unit(rng), n};
+    const Record r = record_at({0, 0, 0}, n, R);
+    const float weight = split_sphere_weight(x, r, a);
+    ASSERT_EQ(weight, likely_split_sphere_weight(x, r, a)) << "R " << R << ", a " << a << ", share " << share;
+    valid += weight > 0.0f;
+    rejected += is_surely_too_far(x, r, a);
+  }
+  EXPECT_GT(valid, 30000);
+  EXPECT_GT(rejected, 30000);
+}
+
 TEST(Interpolator, AnswersNothingExactlyWithoutRecords) {
   Interpolator none;
   EXPECT_FALSE(none.result().has_value());

@@ -63,9 +63,19 @@ inline bool lies_in_front(const SurfacePoint& x, const Record& r) noexcept {
   return d < -kInFrontTolerance * r.R;
 }
 
+/// Whether `r` is too far from the point to be valid for accuracy `a`, told without roots or divisions; never true of a
+/// record that split_sphere_error has below `a`: both sides' rounding is a thousandth of the margin, and where their
+/// squares would lose bits to underflow, the added constant is larger than either.
+inline bool is_surely_too_far(const SurfacePoint& x, const Record& r, float a) noexcept {
+  const glm::vec3 d = x.p - r.p;
+  const float reach = a * r.R;
+  return glm::dot(d, d) > 1.001f * (reach * reach) + 1e-30f;
+}
+
 /// Weight of `r` at `x` for accuracy `a` (larger is coarser), in [1/a, 1/kMinError]; 0 where the record is
 /// not valid.
 inline float split_sphere_weight(const SurfacePoint& x, const Record& r, float a) noexcept {
+  if (is_surely_too_far(x, r, a)) return 0.0f;  // as most are that an octree hands over
   const float error = split_sphere_error(x, r);
   if (!(error < a) || lies_in_front(x, r)) return 0.0f;
   return 1.0f / std::max(error, kMinError);
