@@ -87,7 +87,7 @@ TEST(SplitSphereWeight, QuickRejectionNeverTakesAValidRecord) {
   int valid = 0, rejected = 0;
   for (int i = 0; i < 300000; ++i) {
     const float a = 0.002f + 3.0f * rng.uniform();
-    const float R = std::pow(10.0f, 50.0f * rng.uniform() - 30.0f);
+    const float R = std::pow(10.0f, 57.0f * rng.uniform() - 37.0f);
     const glm::vec3 n = random_unit(rng);
     const bool close = (i & 1) != 0;
     const float share = close ? 1.0f + 2e-6f * (rng.uniform() - 0.5f) : 3.0f * rng.uniform();

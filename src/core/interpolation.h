@@ -64,12 +64,13 @@ inline bool lies_in_front(const SurfacePoint& x, const Record& r) noexcept {
 }
 
 /// Whether `r` is too far from the point to be valid for accuracy `a`, told without roots or divisions; never true of a
-/// record that split_sphere_error has below `a`: both sides' rounding is a thousandth of the margin, and where their
-/// squares would lose bits to underflow, the added constant is larger than either.
+/// record that split_sphere_error has below `a`. The margin is a thousand times the rounding of both sides; squares that
+/// lose bits to underflow may hide that a record is too far, never that it is not, since the error, too, is the root of
+/// this square of the distance.
 inline bool is_surely_too_far(const SurfacePoint& x, const Record& r, float a) noexcept {
   const glm::vec3 d = x.p - r.p;
   const float reach = a * r.R;
-  return glm::dot(d, d) > 1.001f * (reach * reach) + 1e-30f;
+  return glm::dot(d, d) > 1.001f * (reach * reach);
 }
 
 /// Weight of `r` at `x` for accuracy `a` (larger is coarser), in [1/a, 1/kMinError]; 0 where the record is
