@@ -1,5 +1,5 @@
-// Every estimator of irradiance against closed forms: the estimators alone, their records through a cache, and what the
-// residual says that a cached picture lacks.
+// Every estimator of irradiance against closed forms: the estimators alone, and what the residual says that a cached
+// picture lacks. Records through a cache and pictures are in closed_forms_cached_test.cpp.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -117,71 +117,6 @@ TEST(ClosedForms, IndirectLightInAFurnaceIsPiTimesItsAlbedo) {
   judge_indirect("white_furnace", rays, known, {});
 }
 
-// Records are made and asked for as a renderer does, in the light of the plate. Beside each cache goes a twin whose
-// records lie at the same places and hold the closed form, so that its error is interpolation's alone.
-TEST(ClosedForms, RecordsAreUnbiasedAndInterpolationErrsWithinTheAccuracy) {
-  constexpr int kSide = 20, kRuns = 40;
-  const RayTracer rays(lit_plate());
-  Tracer tracer(rays);
-  const Bounds bounds{{-2, -1, -2}, {2, 1, 2}};
-  std::vector<Known> points;
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const int k = i * 87 % (kSide * kSide);  // all over the place, not row by row
-    points.push_back(above_plate(
-        {0.1f * static_cast<float>(k % kSide) - 0.95f, 0.6f, 0.1f * static_cast<float>(k / kSide) - 0.95f},
-        {0, -1, 0}));
-  }
-  for (const AnyCache::Maker& maker : registered_caches()) {
-    const std::string name(maker.traits.name);
-    if (name != "wait_free" && name != "packed_wait_free") continue;
-    double errors[2];
-    for (const bool fine : {false, true}) {
-      const float a = fine ? 0.1f : 0.4f;
-      Judged records(1.0);
-      Estimate interpolation, whole;
-      double interpolation_squares = 0.0, noise_squares = 0.0, asked = 0.0;
-      for (std::uint64_t seed = 0; seed < kRuns; ++seed) {
-        const CacheConfig config{.bounds = bounds, .a_max = a, .a = a, .capacity = 1024};
-        AnyCache cache(maker, config), twin(maker, config);
-        AnyCache::Session session = cache.open_session(0), exact = twin.open_session(0);
-        std::uint32_t id = 0;
-        for (const Known& known : points) {
-          const SurfacePoint x{known.at.p, known.at.n};
-          if (session.query(x)) continue;
-          const GatherResult g = gather(tracer, known.at, Strata::for_rays(256), hash_keys(seed, id));
-          records.add(g.E.y / known.E);
-          const float R = RadiusLimits{0.05f, 2.0f}.clamp(g.R);
-          ASSERT_EQ(session.insert({x.p, x.n, R, g.E, id}), InsertResult::inserted);
-          ASSERT_EQ(exact.insert({x.p, x.n, R, Irradiance(static_cast<float>(known.E)), id++}),
-                    InsertResult::inserted);
-        }
-        for (const Known& known : points) {
-          const SurfacePoint x{known.at.p, known.at.n};
-          const double E = session.query(x).value().y / known.E, of_twin = exact.query(x).value().y / known.E;
-          interpolation.add(of_twin - 1.0);
-          whole.add(E - 1.0);
-          interpolation_squares += (of_twin - 1.0) * (of_twin - 1.0);
-          noise_squares += (E - of_twin) * (E - of_twin);
-          ++asked;
-        }
-      }
-      const std::string at = name + (fine ? ", a = 0.1" : ", a = 0.4");
-      records.print(at + ", inserted records");
-      errors[fine] = std::sqrt(interpolation_squares / asked);
-      std::printf(
-          "%-44s interpolation: bias %.3f %%, RMS %.3f %%; records' noise left: RMS %.3f %%; whole bias %.3f "
-          "%%\n",
-          at.c_str(), 100.0 * interpolation.mean(), 100.0 * errors[fine],
-          100.0 * std::sqrt(noise_squares / asked), 100.0 * whole.mean());
-      EXPECT_TRUE(records.agrees()) << at;
-      EXPECT_LE(records.error(), 0.0025) << at;
-      EXPECT_LT(errors[fine], a) << at << ": more than the accuracy allows";
-      EXPECT_GT(errors[fine], 1e-5) << at << ": nothing was interpolated";
-    }
-    EXPECT_LT(errors[1], 0.5 * errors[0]) << name << ": a finer accuracy does not help";
-  }
-}
-
 // What a picture lacks.
 
 // The residual of a picture, at the same hits in every sample of its pixels.
@@ -275,20 +210,9 @@ TEST(Residual, RecordsThatAreTooBrightAreFoundOut) {
 }
 
 TEST(Residual, CoarseInterpolationIsFoundOut) {
-  Scene s = lit_plate();
-  // So dark that it does not light the plate.
-  constexpr float kAlbedo = 1e-3f;
-  const auto dark = s.add_material({.albedo = glm::vec3(kAlbedo)});
-  s.meshes.push_back(quad("wall", {-1, 0.05f, -1.05f}, {2, 0, 0}, {0, 1.5f, 0}, dark));
-  s.camera = {.eye = {0, 0.8f, 3}, .target = {0, 0.8f, -1.05f}, .up = {0, 1, 0}, .fov_y = 0.3f};
-  const RayTracer rays(std::move(s));
+  const RayTracer rays(plate_and_wall());
   const PrimaryHits primary = primary_hits(rays, 24, 24);
-  double exact = 0.0;
-  for (const Hit& hit : primary.hits) {
-    ASSERT_TRUE(!hit.missed() && hit.n.z == 1.0f);
-    exact += lambert(hit.p, hit.n, rectangle(-1, 1, 0, -1, 1), kPlateL) * kAlbedo / kPi;
-  }
-  exact /= static_cast<double>(primary.hits.size());
+  const double exact = radiance_of_wall(primary);
   const Image made = cached_picture(rays, primary, 4096, 1.0f, {0.5f, 2.0f});
   expect_mends(residual_of(rays, primary, made, 0.3f, {.seed = 3}, 1500).figures(), exact, 0.04);
 }

@@ -184,6 +184,27 @@ inline Known above_plate(const glm::vec3& p, const glm::vec3& n) {
   return {at, lambert(at.p, at.n, rectangle(-1, 1, 0, -1, 1), kPlateL)};
 }
 
+// Beside the plate a wall so dark that it does not light it, which fills the picture.
+inline constexpr float kWallAlbedo = 1e-3f;
+
+inline Scene plate_and_wall() {
+  Scene s = lit_plate();
+  const auto dark = s.add_material({.albedo = glm::vec3(kWallAlbedo)});
+  s.meshes.push_back(quad("wall", {-1, 0.05f, -1.05f}, {2, 0, 0}, {0, 1.5f, 0}, dark));
+  s.camera = {.eye = {0, 0.8f, 3}, .target = {0, 0.8f, -1.05f}, .up = {0, 1, 0}, .fov_y = 0.3f};
+  return s;
+}
+
+// Mean radiance that the wall reflects in a picture, W/(m^2 sr).
+inline double radiance_of_wall(const PrimaryHits& primary) {
+  double sum = 0.0;
+  for (const Hit& hit : primary.hits) {
+    EXPECT_TRUE(!hit.missed() && hit.n.z == 1.0f);
+    sum += lambert(hit.p, hit.n, rectangle(-1, 1, 0, -1, 1), kPlateL) * kWallAlbedo / kPi;
+  }
+  return sum / static_cast<double>(primary.hits.size());
+}
+
 // A square lamp of radiance L that shines down.
 inline void add_lamp(Scene& s, float side, float y, float L) {
   const auto glow = s.add_material({.emission = glm::vec3(L)});

@@ -315,25 +315,29 @@ class MadeRecords : public ::testing::TestWithParam<InterpolationEntry> {};
 INSTANTIATE_TEST_SUITE_P(Levels, MadeRecords, ::testing::ValuesIn(kInterpolations), level_name);
 
 TEST_P(MadeRecords, KeepToAllLimits) {
+  constexpr int kSize = 48;
   const RayTracer rays(animated_room({}));
-  const PrimaryHits primary = primary_hits(rays, 16, 16);
+  const PrimaryHits primary = primary_hits(rays, kSize, kSize);
   const Camera& camera = rays.scene().camera;
   const float diagonal = glm::distance(rays.scene().bounds.lower, rays.scene().bounds.upper);
   ThreadCrew crew(rays, 1);
-  PassSetup setup{rays, crew, 16, 16};
+  PassSetup setup{rays, crew, kSize, kSize};
   setup.gather_rays = 64;
   setup.a = kA;
   const Interpolation level = setup.interpolation = GetParam().level;
   const auto source = make_irradiance_cache(setup);
   source->begin_frame({}, crew);
+  setup.interpolation = Interpolation::bounded;  // the same radii, but for what gradients do
+  const auto without_gradients = make_irradiance_cache(setup);
+  without_gradients->begin_frame({}, crew);
   Tracer tracer(rays);
   const RadiusLimits limits = radius_limits(rays.scene().bounds);
-  std::size_t on_screen_limit = 0, restrained = 0, stretched = 0;
-  for (std::uint32_t pixel = 0; pixel < primary.hits.size(); ++pixel) {
+  std::size_t on_screen_limit = 0, by_gradient = 0, restrained = 0, stretched = 0;
+  for (std::uint32_t pixel = 0; pixel < primary.hits.size(); pixel += 7) {
     const Visible x = primary.at(pixel, 0);
     if (!reflects(rays, x.hit)) continue;
     const Record r = source->evaluate(0, tracer, x, {});
-    const float pixels = pixel_at(r.p, camera, 16);
+    const float pixels = pixel_at(r.p, camera, kSize);
     if (!is_elliptic(level)) {
       ASSERT_GE(r.R, limits.min);
       if (level == Interpolation::split_sphere) {
@@ -354,7 +358,11 @@ TEST_P(MadeRecords, KeepToAllLimits) {
       ASSERT_LE(glm::length(detail.gradients.rotational[c]), 2.00001f * E);
       restrained += change > 0.99999f * E;
     }
-    if (is_elliptic(level)) {
+    if (!is_elliptic(level)) {
+      const float R = without_gradients->evaluate(0, tracer, x, {}).R;
+      ASSERT_LE(r.R, R);
+      by_gradient += r.R < 0.9f * R;
+    } else {
       const float large = 1.0f / detail.inverse_major, small = 1.0f / detail.inverse_minor;
       ASSERT_LE(large, 2.00001f * small);
       ASSERT_LE(small, 1.00001f * large);
@@ -371,6 +379,7 @@ TEST_P(MadeRecords, KeepToAllLimits) {
     source->settle(0, r, InsertResult::inserted);
   }
   EXPECT_EQ(on_screen_limit > 0, level != Interpolation::split_sphere && !is_elliptic(level));
+  EXPECT_EQ(by_gradient > 0, extrapolates(level) && !is_elliptic(level));
   EXPECT_EQ(restrained > 0, extrapolates(level)) << "no gradient was so steep";
   EXPECT_EQ(stretched > 0, is_elliptic(level));
 }
