@@ -60,8 +60,8 @@ struct Errors {
 };
 
 // Records are made and asked for as a renderer does, in the light of the plate. Beside the cache goes a twin whose
-// records lie at the same places with the same regions, and hold the closed form and its gradients, so that its error is
-// interpolation's alone.
+// records lie at the same places, have the same regions and hold the closed form and its gradients, so that its error
+// is interpolation's alone.
 void add_run(const AnyCache::Maker& maker, const RayTracer& rays, Interpolation level, float a,
              const std::vector<Known>& points, std::uint64_t seed, Errors& errors) {
   ThreadCrew crew(rays, 1);
