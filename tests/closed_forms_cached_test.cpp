@@ -183,7 +183,7 @@ struct SharedLight {
   double bias_on_wall;
 };
 
-inline void PrintTo(const SharedLight& method, std::ostream* out) { *out << method.integrator; }
+void PrintTo(const SharedLight& method, std::ostream* out) { *out << method.integrator; }
 
 class ClosedFormsOfPictures : public ::testing::TestWithParam<SharedLight> {
  protected:

@@ -31,8 +31,8 @@ Hemisphere seen_evenly(Strata strata, SampleOf&& sample_of) {
   return out;
 }
 
-// By geometry alone a surface element sends L cos cos / r^2; of its second derivatives the magnitudes of eigenvalues are
-// summed. With u the squared sine of the angle to the normal, even in [0, 1]:
+// By geometry alone a surface element sends L cos cos / r^2; of its second derivatives the magnitudes of eigenvalues
+// are summed. With u the squared sine of the angle to the normal, even in [0, 1]:
 //   plane at the height h    (24 u - 4, -4) (1 - u) / h^2    -> pi L / h^2 * 125/54 in all directions
 //   centre of a sphere, r    (16 u - 4, -4) / r^2            -> pi L / r^2 * 9/2
 TEST(GeometricHessian, IsKnownUnderAPlaneAndInASphere) {

@@ -1,5 +1,5 @@
-// Neighbour clamping: a new record's radius is at most R_j + |p - p_j| for every record j that is found there, in a pass
-// left to itself and in waves.
+// Neighbour clamping: a new record's radius is at most R_j + |p - p_j| for every record j that is found there, in a
+// pass left to itself and in waves.
 #include <gtest/gtest.h>
 
 #include <algorithm>

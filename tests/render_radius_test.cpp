@@ -191,8 +191,8 @@ TEST(RestrainedGradients, AreNoneWhereThereIsNoLightAndFiniteWhatever) {
       }
 }
 
-// A ceiling 2 m above, dark; or lit, and hidden where x < 0.05 by a black shelf, endless along y, 0.3 m above. The basis
-// lies along the axes.
+// A ceiling 2 m above, dark; or lit, and hidden where x < 0.05 by a black shelf, endless along y, 0.3 m above. Basis
+// along the axes.
 Hemisphere below(bool lit, Strata strata = {48, 150}) {
   Hemisphere out;
   out.strata = strata;
