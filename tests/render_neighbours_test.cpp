@@ -168,11 +168,14 @@ TEST(NeighbourClamping, ClampsEachNewRecordOfATileByThoseBefore) {
   expect_clamped(by_tiles(rays, source, 40, 30));
 }
 
+// Ellipses, too, are looked for farther out than they are valid.
 TEST(NeighbourClamping, IsNotDoneAtOtherLevels) {
   const RayTracer rays(animated_room({}));
-  UnevenSource source(Interpolation::gradients);
-  for (const Record& r : by_tiles(rays, source, 40, 30)) ASSERT_EQ(r.R, r.E.x);
-  for (const Record& r : by_waves(rays, source, 40, 30, 1)->made()) ASSERT_EQ(r.R, r.E.x);
+  for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian}) {
+    UnevenSource source(level);
+    for (const Record& r : by_tiles(rays, source, 40, 30)) ASSERT_EQ(r.R, r.E.x);
+    for (const Record& r : by_waves(rays, source, 40, 30, 1)->made()) ASSERT_EQ(r.R, r.E.x);
+  }
 }
 
 // A picture of one block, so that one thread makes all records in turn.
