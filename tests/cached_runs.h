@@ -80,6 +80,12 @@ inline std::vector<RecordKind> record_kinds() {
   return kinds;
 }
 
+inline std::vector<RecordKind> record_kinds_by_vpls() {
+  std::vector<RecordKind> kinds = record_kinds();
+  std::erase_if(kinds, [](const RecordKind& kind) { return !kind.by_vpls(); });
+  return kinds;
+}
+
 struct Level {
   Interpolation level = Interpolation::split_sphere;
   std::uint32_t gather_rays = 64;

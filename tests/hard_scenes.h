@@ -202,8 +202,8 @@ struct HardScene {
   Scene (*make)();
   // Of a cached picture's mean, against a gather in every pixel, as shares of that: what the mean of `runs` pictures by
   // records of 256 rays may differ by, 2.5 to 4 standard deviations, and of one picture by virtual lights, which have
-  // no noise. Of one picture the standard deviation is 1 %, of those by three records or so 3 to 4 %, with the slit 7
-  // %, where the level occlusion_hessian is 6 % too dark besides.
+  // no noise. Of one picture the standard deviation is 1 %, of those by three records or so 3 to 4 %, with the slit
+  // 7 %, where the level occlusion_hessian is 6 % too dark besides.
   double tolerance = 0.05;
   unsigned runs = 1;
   double tolerance_by_vpls = 0.05;
@@ -211,6 +211,9 @@ struct HardScene {
   double most = 0.0;
 
   bool is_bright() const { return tolerance > 0.0; }
+  // Where few shadow rays pass, even the mean over all pixels is noisy.
+  bool is_noisy() const { return tolerance > 0.1; }
+  unsigned gathers() const { return is_noisy() ? 4 : 1; }
 };
 
 inline const HardScene kHardScenes[] = {
@@ -224,7 +227,7 @@ inline const HardScene kHardScenes[] = {
     // Lamps are drawn by power: what the dim one sends is left to chance, of a picture's radiance at most its own.
     {"dim_beside_bright", "light of a bright room that passes a wall, be it a share of 1e-40",
      dim_beside_bright, -1.0, 1, -1.0, 1e-20},
-    {"denormal_light", "products that vanish, or trap as no normal numbers", denormal_light},
+    {"denormal_light", "light that is lost where shares of it are no normal numbers", denormal_light},
     // All that is reflected is less than what the lamp sends.
     {"denormal_lamp", "the inverse of a vanishing power, which is infinite", denormal_lamp, -1.0, 1, -1.0,
      1e-42},

@@ -273,15 +273,14 @@ TEST(HardScenes, EveryIntegratorMakesAnImageOfThem) {
   for (const HardScene& hard : kHardScenes) {
     const RayTracer rays(hard.make());
     const Image truth = picture(rays, find_integrator("path"), kSize, 128, {.seed = 7});
-    const bool by_chance = std::string(hard.name) == "slit";  // few shadow rays pass
     // Four standard deviations of a picture of few samples, of so few virtual lights or of cells that paths share.
-    const double tolerance = by_chance ? 0.5 : 0.25;
+    const double tolerance = hard.is_noisy() ? 0.5 : 0.25;
     for (const IntegratorEntry& integrator : kIntegrators) {
       if (integrator.needs_cache()) continue;
       const std::string what = std::string(hard.name) + ", " + std::string(integrator.name) +
                                ", guards against: " + hard.guards_against;
       const Image made =
-          picture(rays, integrator, kSize, by_chance ? 16 : 2, {.seed = 2}, TileOrder::scanline, 2);
+          picture(rays, integrator, kSize, hard.is_noisy() ? 16 : 2, {.seed = 2}, TileOrder::scanline, 2);
       expect_an_image(made, what);
       if (!hard.is_bright()) {
         EXPECT_LE(mean_of(made), hard.most) << what;
@@ -291,7 +290,7 @@ TEST(HardScenes, EveryIntegratorMakesAnImageOfThem) {
       const double ratio = mean_of(made) / mean_of(truth);
       std::printf("%s, %s: %.3f\n", hard.name, std::string(integrator.name).c_str(), ratio);
       if (integrator.name == "whitted") {  // light that comes straight from a lamp is a half, more or less
-        EXPECT_GT(ratio, by_chance ? 0.05 : 0.2) << what;
+        EXPECT_GT(ratio, hard.is_noisy() ? 0.05 : 0.2) << what;
         EXPECT_LT(ratio, 0.8) << what;
       } else {
         EXPECT_NEAR(ratio, 1.0, tolerance) << what;
