@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "core/interpolation.h"
+#include "core/random.h"
 #include "render/extrapolation.h"
+#include "render/gather.h"
 #include "render/integrators.h"
 #include "render/irradiance_cache.h"
 #include "render_support.h"
@@ -78,13 +80,19 @@ inline std::vector<RecordKind> record_kinds() {
   return kinds;
 }
 
+inline std::vector<RecordKind> record_kinds_by_vpls() {
+  std::vector<RecordKind> kinds = record_kinds();
+  std::erase_if(kinds, [](const RecordKind& kind) { return !kind.by_vpls(); });
+  return kinds;
+}
+
 struct Level {
   Interpolation level = Interpolation::split_sphere;
   std::uint32_t gather_rays = 64;
   float a = 0.2f;
   bool leak_guard = false;
   std::uint32_t vpls = 64;
-  std::uint64_t seed = 0;
+  std::uint64_t seed = 0;  ///< of gathers and of virtual lights
 };
 
 struct LevelRun {
@@ -111,9 +119,46 @@ inline LevelRun run_level(const RayTracer& rays, const PrimaryHits& primary, con
   LevelRun out{blank(primary.width, primary.height), {}, {}};
   Tracer tracer(rays);
   for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
-    irradiance_cache_tile(session, *source, 0, tracer, primary, {}, tile, out.indirect, out.use);
+    irradiance_cache_tile(session, *source, 0, tracer, primary, {.seed = level.seed}, tile, out.indirect,
+                          out.use);
   out.records = std::move(session.records);
   return out;
+}
+
+/// Indirect light at these hits without a cache: by the virtual lights that the records of run_level() have, or by a
+/// gather of so many rays in every pixel, of other random numbers for each `key`.
+inline Image without_cache(const RayTracer& rays, const PrimaryHits& primary, const Level& level,
+                           bool by_vpls, std::uint64_t key = 0) {
+  Image out = blank(primary.width, primary.height);
+  Tracer tracer(rays);
+  if (by_vpls) {
+    ThreadCrew crew(rays, 1);
+    PassSetup setup{rays, crew, primary.width, primary.height};
+    setup.vpls = level.vpls;
+    const auto pass = make_instant_gi(setup);
+    pass->begin_frame({});
+    for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
+      pass->tile(0, tracer, primary, {}, tile, out);
+    return out;
+  }
+  for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+    const Hit& hit = primary.hits[i];
+    out.pixels[i] =
+        reflects(rays, hit)
+            ? reflected_radiance(
+                  rays, hit, gather(tracer, hit, Strata::for_rays(level.gather_rays), hash_keys(key, i)).E)
+            : glm::vec3(0.0f);
+  }
+  return out;
+}
+
+/// The mean of `n` of them.
+inline double mean_without_cache(const RayTracer& rays, const PrimaryHits& primary, const Level& level,
+                                 bool by_vpls, unsigned n) {
+  double sum = 0.0;
+  for (unsigned key = 0; key < n; ++key)
+    for (const glm::vec3& L : without_cache(rays, primary, level, by_vpls, key).pixels) sum += L.y;
+  return sum / static_cast<double>(n * primary.hits.size());
 }
 
 }  // namespace icbench

@@ -1,5 +1,5 @@
 // Every cache with what a renderer should never send, but does: values at and past the edge of what is allowed, bounds
-// of every size, and thousands of records at one point.
+// of every size, and thousands of records at one point; each with the failure it guards against.
 #include <pthread.h>
 #include <sys/mman.h>
 #include <sys/syscall.h>
@@ -133,6 +133,8 @@ std::vector<PointCase> point_cases() {
 class HardCases : public Contract {};
 INSTANTIATE_TEST_SUITE_P(AllCaches, HardCases, ::testing::ValuesIn(registered_caches()), cache_name);
 
+// Guards against: records that are kept in part, or taken and never found: a NaN, zero or denormal that a comparison
+// let through.
 TEST_P(HardCases, RecordsAreStoredOrRejectedAndNothingBetween) {
   AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
@@ -156,6 +158,8 @@ TEST_P(HardCases, RecordsAreStoredOrRejectedAndNothingBetween) {
   }
 }
 
+// Guards against: a NaN in a picture, from a point or a normal that no renderer should ask for, and searches that such
+// a point leads astray.
 TEST_P(HardCases, QueriesAnswerWithFiniteIrradianceOrMiss) {
   AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
@@ -180,6 +184,8 @@ TEST_P(HardCases, QueriesAnswerWithFiniteIrradianceOrMiss) {
   EXPECT_EQ(cache.counters().invalid_queries, bad);
 }
 
+// Guards against: cells of size 0, places beyond the last cell on the faces of the bounds, and squares of distances
+// that vanish or overflow.
 TEST_P(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   const Bounds kBounds[] = {
@@ -226,6 +232,7 @@ TEST_P(HardCases, BoundsMayBeOfAnySizeAndTheirFacesBelongToThem) {
   }
 }
 
+// Guards against: a pool of nodes that is used up before that of records.
 TEST_P(HardCases, HoldsItsCapacityWhateverTheRadii) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   // Tiny radii far apart: every record needs a path of nodes of its own.
@@ -240,6 +247,8 @@ TEST_P(HardCases, HoldsItsCapacityWhateverTheRadii) {
   EXPECT_EQ(stored(cache).size(), kCapacity);
 }
 
+// Guards against: a record that rounding of normals makes invalid where it was made, so that the same point makes
+// another one for ever.
 TEST_P(HardCases, SeesARecordAtItsOwnPointAtTheFinestAccuracy) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   CacheConfig config = this->config();
@@ -280,6 +289,8 @@ std::uint32_t coincident_records() {
   return text ? static_cast<std::uint32_t>(std::stoul(text)) : 100'000;
 }
 
+// Guards against: recursion, levels or nodes without end where no cell tells records apart, and sums of them that
+// overflow or stagnate.
 TEST_P(HardCases, AHundredThousandCoincidentRecordsOrMoreOnASmallStack) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   const std::uint32_t records = coincident_records();
@@ -320,7 +331,7 @@ TEST_P(HardCases, AHundredThousandCoincidentRecordsOrMoreOnASmallStack) {
 }
 
 // Records so crowded that cells are full at the level of their reach and below: what is read at a point stays within a
-// small multiple of what is valid there, however many there are, and does not grow with what the crowd holds elsewhere.
+// small multiple of what is valid there. Guards against: queries whose time grows with what the crowd holds elsewhere.
 TEST_P(HardCases, ACrowdIsReadInProportionToWhatIsValidAtAPoint) {
   if (GetParam().traits.structure != "packed") GTEST_SKIP() << "said of the packed octree alone";
   constexpr int kQueries = 200;
@@ -399,6 +410,7 @@ int queries_in_read_only_memory() {
   return status;
 }
 
+// Guards against: queries that write to what they share, be it a counter or a cached hint.
 TEST(QueriesWithoutCounters, WriteNothingButTheirStack) {
   if (kSanitized) GTEST_SKIP() << "sanitizers keep books of their own";
   EXPECT_EQ(queries_in_read_only_memory<WaitFree<>>(), 0);

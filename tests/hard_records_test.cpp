@@ -1,5 +1,5 @@
-// Records of every integrator that makes some, at each level of interpolation, in scenes that are hard on them; each with
-// the failure it guards against.
+// Records of every integrator that makes some, at each level of interpolation, in scenes that are hard on them; each
+// with the failure it guards against.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <glm/geometric.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "cached_runs.h"
@@ -16,31 +17,6 @@
 
 namespace icbench {
 namespace {
-
-// Indirect light at these hits without a cache: by the virtual lights that the records of run_level() have, or by a
-// gather of so many rays in every pixel.
-Image without_cache(const RayTracer& rays, const PrimaryHits& primary, const Level& level, bool by_vpls) {
-  Image out = blank(primary.width, primary.height);
-  Tracer tracer(rays);
-  if (by_vpls) {
-    ThreadCrew crew(rays, 1);
-    PassSetup setup{rays, crew, primary.width, primary.height};
-    setup.vpls = level.vpls;
-    const auto pass = make_instant_gi(setup);
-    pass->begin_frame({});
-    for (const Tile& tile : make_tiles(primary.width, primary.height, 8, TileOrder::morton))
-      pass->tile(0, tracer, primary, {}, tile, out);
-    return out;
-  }
-  for (std::size_t i = 0; i < out.pixels.size(); ++i) {
-    const Hit& hit = primary.hits[i];
-    out.pixels[i] =
-        reflects(rays, hit)
-            ? reflected_radiance(rays, hit, gather(tracer, hit, Strata::for_rays(level.gather_rays), i).E)
-            : glm::vec3(0.0f);
-  }
-  return out;
-}
 
 // Records of every integrator that makes some, at each level of interpolation.
 class HardRecords : public ::testing::TestWithParam<RecordKind> {
@@ -58,30 +34,42 @@ class HardRecords : public ::testing::TestWithParam<RecordKind> {
 };
 INSTANTIATE_TEST_SUITE_P(Kinds, HardRecords, ::testing::ValuesIn(record_kinds()), kind_name);
 
-// Guards against: any NaN, infinity or negative value in a cached picture, and light that gets lost or comes about.
+// Guards against: any NaN, infinity or negative value in a cached picture, and light that gets lost or comes about,
+// with the guard against leaks, too; in each scene, besides, against what kHardScenes names.
 TEST_P(HardRecords, CachedPicturesAreImagesOfTheRightBrightness) {
   constexpr int kSize = 14;
+  const bool by_vpls = GetParam().by_vpls();
   for (const HardScene& hard : kHardScenes) {
     const RayTracer rays(hard.make());
     const PrimaryHits primary = primary_hits(rays, kSize, kSize);
+    const std::string what = std::string(hard.name) + ", guards against: " + hard.guards_against;
     Level fine = level();
     fine.gather_rays = 256;
-    const Image anew = without_cache(rays, primary, fine, GetParam().by_vpls());
-    const double tolerance = GetParam().by_vpls() ? hard.tolerance_by_vpls : hard.tolerance;
-    for (const bool guard : guards()) {
-      const std::string what = std::string(hard.name) + (guard ? ", guarded" : "");
-      fine.leak_guard = guard;
-      const LevelRun made = run(rays, primary, fine);
-      expect_an_image(made.indirect, what);
-      EXPECT_EQ(made.use.rejected, 0u) << what;
-      if (tolerance > 0.0) {
-        ASSERT_GT(mean_of(anew), 0.0) << what;
-        std::printf("%s: %.4f\n", what.c_str(), mean_of(made.indirect) / mean_of(anew));
-        EXPECT_NEAR(mean_of(made.indirect) / mean_of(anew), 1.0, tolerance) << what;
-      } else if (tolerance == 0.0) {
-        EXPECT_EQ(mean_of(made.indirect), 0.0) << what;
-      }
+    const unsigned runs = by_vpls ? 1 : hard.runs;
+    double made = 0.0, first = 0.0;
+    for (; fine.seed < runs; ++fine.seed) {
+      const LevelRun one = run(rays, primary, fine);
+      expect_an_image(one.indirect, what);
+      EXPECT_EQ(one.use.rejected, 0u) << what;
+      if (fine.seed == 0) first = mean_of(one.indirect);
+      made += mean_of(one.indirect) / runs;
     }
+    if (hard.is_bright()) {
+      const double anew = mean_without_cache(rays, primary, fine, by_vpls, hard.gathers());
+      ASSERT_GT(anew, 0.0) << what;
+      std::printf("%s: %.4f\n", hard.name, made / anew);
+      EXPECT_NEAR(made / anew, 1.0, by_vpls ? hard.tolerance_by_vpls : hard.tolerance) << what;
+    } else {
+      EXPECT_LE(made, hard.most) << what;
+    }
+    if (by_vpls) continue;
+    // A record that is stopped without need costs another one, no light.
+    fine.seed = 0;
+    fine.leak_guard = true;
+    const LevelRun guarded = run(rays, primary, fine);
+    expect_an_image(guarded.indirect, what);
+    EXPECT_EQ(guarded.use.rejected, 0u) << what;
+    EXPECT_NEAR(mean_of(guarded.indirect), first, 0.02 * first) << what;
   }
 }
 
@@ -93,7 +81,7 @@ TEST_P(HardRecords, AScaledSceneGivesTheSamePicture) {
   for (const float scale : {1e-4f, 1e4f}) {
     const RayTracer scaled(scaled_room(scale));
     const LevelRun other = run(scaled, primary_hits(scaled, kSize, kSize), level());
-    expect_alike(one.indirect, other.indirect, 0.1, "scaled by " + std::to_string(scale));
+    expect_alike(one.indirect, other.indirect, "scaled by " + std::to_string(scale));
   }
 }
 
@@ -103,7 +91,7 @@ TEST_P(HardRecords, AFileAMillionMetresAwayGivesTheSamePicture) {
   const RayTracer near(import_room(0.0)), far(import_room(1e6));
   const LevelRun one = run(near, primary_hits(near, kSize, kSize), level());
   const LevelRun other = run(far, primary_hits(far, kSize, kSize), level());
-  expect_alike(one.indirect, other.indirect, 0.1, "moved by 1e6 m");
+  expect_alike(one.indirect, other.indirect, "moved by 1e6 m");
 }
 
 // Guards against: offsets as wide as a gap, which carry rays through what lies above it.
@@ -245,49 +233,66 @@ TEST_P(HardRecords, RoomsOfRadiance1em20And1e20KeepTheirLight) {
   for (std::size_t i = 0; i < primary.hits.size(); ++i)
     ratio[i % 2].add(made.indirect.pixels[i].y / (0.5 * 0.5 * (i % 2 == 1 ? 1e-20 : 1e20)));
   EXPECT_NEAR(ratio[0].mean(), 1.0, 0.05);
-  // Virtual lights go by power, and what the dim room has of them is left to chance.
-  EXPECT_NEAR(ratio[1].mean(), GetParam().by_vpls() ? 0.5 : 1.0, GetParam().by_vpls() ? 0.55 : 0.05);
+  std::printf("rooms of 1e20 and 1e-20: %.4f and %.4f\n", ratio[0].mean(), ratio[1].mean());
+  if (GetParam().by_vpls()) {
+    // Virtual lights go by power, and the dim room has none: only compensation brings light there, from what is near.
+    EXPECT_GT(ratio[1].mean(), 1e-3);
+    EXPECT_LT(ratio[1].mean(), 0.02);
+  } else {
+    EXPECT_NEAR(ratio[1].mean(), 1.0, 0.05);
+  }
 }
 
-// Guards against: weighted sums of what many extrapolate that overflow, stagnate or, where rays of the guard wait for
-// each other, lose some.
-TEST_P(HardRecords, TenThousandOnOneSpotExtrapolateAsOneDoes) {
-  if (!extrapolates(GetParam().level)) GTEST_SKIP() << "tests/caches_hard_cases_test.cpp has these";
-  constexpr std::uint32_t kRecords = 10'000;
+// Guards against: weighted sums of many that overflow, stagnate or, where rays of the guard wait for each other, lose
+// some.
+TEST_P(HardRecords, AMillionOnOneSpotAnswerAsOneDoes) {
+  if (GetParam().make == make_temporal_instant_caching)
+    GTEST_SKIP() << "these are summed as those of instant_caching";
   const RayTracer rays(scaled_room(1.0f));
   ThreadCrew crew(rays, 1);
   Tracer tracer(rays);
   const Hit hit = facing({0, 0, 0}, {0, 1, 0});
   for (const bool guard : guards()) {
-    PassSetup setup{rays, crew, 200, 100};
+    PassSetup setup{rays, crew, 1000, 1000};
     setup.leak_guard = guard;
     setup.interpolation = GetParam().level;
+    const bool extrapolated = extrapolates(GetParam().level);
     RecordShapes shapes = GetParam().by_vpls() ? make_shapes_of_vpls(setup) : make_shapes(setup);
-    for (const float E : {kMaxIrradiance, 1.0f, 1e-30f}) {
+    // Of the guard 10^4: it adds a ray for each, and then sums as the others do.
+    for (const auto& [E, records] :
+         {std::pair{kMaxIrradiance, guard ? 10'000u : 1'000'000u}, std::pair{1e-30f, 10'000u}}) {
+      // What core/interpolation.h promises of so many, and of one.
+      const double bound = 2.0 * (9 * 0x1p-24 + records * 0x1p-53) + 2.0 * (9 * 0x1p-24);
+      ASSERT_LT(bound, 3e-6);
       constexpr float kR = 1.0f;
       ListSession many{.bounds = rays.scene().bounds, .a = GetParam().reach() * setup.a};
       ListSession one = many;
       shapes.details.clear();
-      for (std::uint32_t i = 0; i < kRecords; ++i) {
-        const std::uint32_t id = shapes.details.draft(0);
-        ASSERT_NE(id, RecordDetails::kNone);
-        RecordDetail& detail = shapes.details[id];
-        detail = {
-            .gradients = {}, .major = {1, 0, 0}, .inverse_major = 4.0f / kR, .inverse_minor = 5.0f / kR};
-        for (glm::vec3& g : detail.gradients.translational) g = {-0.5f * E / kR, 0, 0};
-        for (glm::vec3& g : detail.gradients.rotational) g = {0, 0, 0.5f * E};
-        if (guard) shapes.details.marks(id) = kMarkedEverywhere;
+      many.records.reserve(records);
+      for (std::uint32_t i = 0; i < records; ++i) {
+        std::uint32_t id = i;
+        if (extrapolated || guard) {
+          id = shapes.details.draft(0);
+          ASSERT_NE(id, RecordDetails::kNone);
+          RecordDetail& detail = shapes.details[id];
+          detail = {
+              .gradients = {}, .major = {1, 0, 0}, .inverse_major = 4.0f / kR, .inverse_minor = 5.0f / kR};
+          for (glm::vec3& g : detail.gradients.translational) g = {-0.5f * E / kR, 0, 0};
+          for (glm::vec3& g : detail.gradients.rotational) g = {0, 0, 0.5f * E};
+          if (guard) shapes.details.marks(id) = kMarkedEverywhere;
+          shapes.details.keep(0);
+        }
         const Record r{hit.p, hit.n, kR, Irradiance(E), id};
         ASSERT_EQ(many.insert(r), InsertResult::inserted);
         if (i == 0) {
           ASSERT_EQ(one.insert(r), InsertResult::inserted);
         }
-        shapes.details.keep(0);
       }
       LeakTests tests;
       const auto ask = [&](ListSession& session, const SurfacePoint& x) {
-        return guard ? query_guarded(session, shapes, tracer, x, tests)
-                     : query_extrapolating(session, shapes, x);
+        return guard          ? query_guarded(session, shapes, tracer, x, tests)
+               : extrapolated ? query_extrapolating(session, shapes, x)
+                              : session.query(x);
       };
       for (const SurfacePoint& x :
            {SurfacePoint{hit.p, hit.n}, SurfacePoint{{0.1f * kR, 0, 0}, hit.n},
@@ -295,11 +300,10 @@ TEST_P(HardRecords, TenThousandOnOneSpotExtrapolateAsOneDoes) {
         const auto whole = ask(many, x), alone = ask(one, x);
         ASSERT_TRUE(whole.has_value() && alone.has_value());
         ASSERT_TRUE(is_irradiance(*whole));
-        // Sums of n terms of one sign err by at most n u of themselves, u = 2^-24; so does that of the weights.
-        for (int c = 0; c < 3; ++c)
-          EXPECT_NEAR((*whole)[c] / (*alone)[c], 1.0f, 2.0f * kRecords * 0x1p-24f) << E << " at " << x.p.x;
+        const double known = !extrapolated || x.p.x == 0.0f ? static_cast<double>(E) : (*alone)[0];
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR((*whole)[c] / known, 1.0, bound) << E << " at " << x.p.x;
       }
-      EXPECT_EQ(tests.rays, guard ? 2 * (kRecords + 1) : 0u);
+      EXPECT_EQ(tests.rays, guard ? 2 * (records + 1) : 0u);
       EXPECT_EQ(tests.stopped, 0u);
     }
   }

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <fstream>
-#include <functional>
 #include <glm/geometric.hpp>
 #include <string>
 #include <vector>
@@ -33,8 +32,10 @@ inline Scene scaled_room(float scale) {
   return s;
 }
 
-// Whether two pictures are the same but for pixels whose rays took another side, at most `others` of all.
-inline void expect_alike(const Image& one, const Image& other, double others, const std::string& what) {
+// Whether two pictures are the same but for pixels whose rays took another side within rounding: of 400 pixels 5 did
+// where this was measured, and means differed by 2e-5 at most.
+inline void expect_alike(const Image& one, const Image& other, const std::string& what) {
+  constexpr double kOthers = 0.03, kMean = 1e-4;
   std::size_t alike = 0;
   double mean_one = 0.0, mean_other = 0.0;
   for (std::size_t i = 0; i < one.pixels.size(); ++i) {
@@ -42,10 +43,11 @@ inline void expect_alike(const Image& one, const Image& other, double others, co
     mean_one += one.pixels[i].y;
     mean_other += other.pixels[i].y;
   }
+  ASSERT_GT(mean_one, 0.0) << what;
   std::printf("%s: %zu of %zu pixels alike, means differ by %.2g\n", what.c_str(), alike, one.pixels.size(),
               mean_other / mean_one - 1.0);
-  EXPECT_GE(static_cast<double>(alike), (1.0 - others) * static_cast<double>(one.pixels.size())) << what;
-  EXPECT_NEAR(mean_other / mean_one, 1.0, 0.1 * others) << what;
+  EXPECT_GE(static_cast<double>(alike), (1.0 - kOthers) * static_cast<double>(one.pixels.size())) << what;
+  EXPECT_NEAR(mean_other / mean_one, 1.0, kMean) << what;
 }
 
 // A scene file, moved; 1 m, 12 decimals.
@@ -82,16 +84,6 @@ inline Scene import_room(double offset) {
   EXPECT_EQ(told, offset > 100.0 ? 1 : 0);
   return std::move(imported.scene);
 }
-
-// Scenes on which nothing may go wrong, whoever renders them.
-struct HardScene {
-  const char* name;
-  std::function<Scene()> make;
-  double
-      tolerance;  // of a cached picture's mean, against a gather in every pixel, both of which are noisy; < 0: lamps
-                  // are drawn by power, and what the dim one sends is left to chance
-  double tolerance_by_vpls;  // of one by virtual lights, against the same in every pixel: no noise
-};
 
 inline Scene closed_room(float side) {
   Scene s;
@@ -170,12 +162,19 @@ inline Scene hall() {
   return s;
 }
 
-// Patches that shine with 1e-20 and 1e20.
-inline Scene dim_and_bright() {
+// Patches that shine with 1e-20 and 1e20, a partition between them, from the bright side.
+inline Scene bright_beside_dim() {
   Scene s = closed_room(2.0f);
   add_lamp_at(s, {0.2f, 1.9f, 0.2f}, 0.5f, 1e-20f);
   add_lamp_at(s, {1.2f, 1.9f, 0.2f}, 0.5f, 1e20f);
   s.meshes.push_back(quad("partition", {1, 0, 0}, {0, 0, 2}, {0, 2, 0}, 0));
+  s.camera.eye = {1.1f, 1, 1.9f};
+  return s;
+}
+
+// From the other side.
+inline Scene dim_beside_bright() {
+  Scene s = bright_beside_dim();
   s.camera.eye = {0.9f, 1, 1.9f};
   return s;
 }
@@ -196,19 +195,46 @@ inline Scene denormal_lamp() {
 
 inline Scene dark() { return closed_room(2.0f); }
 
-inline const HardScene kHardScenes[] = {{"speck", speck, 0.1, 0.05},
-                                        {"slit", slit, 0.25, 0.05},
-                                        {"grazing", grazing, 0.1, 0.05},
-                                        {"corner", corner_of_walls, 0.1, 0.05},
-                                        {"needles", needles, 0.1, 0.05},
-                                        {"hall", hall, 0.1, 0.05},
-                                        {"dim_and_bright", dim_and_bright, -1.0, -1.0},
-                                        {"denormal_light", denormal_light, 0.1, 0.05},
-                                        {"denormal_lamp", denormal_lamp, -1.0, -1.0},
-                                        {"tiny", [] { return scaled_room(1e-4f); }, 0.1, 0.05},
-                                        {"huge", [] { return scaled_room(1e4f); }, 0.1, 0.05},
-                                        {"far_file", [] { return import_room(1e6); }, 0.1, 0.05},
-                                        {"dark", dark, 0.0, 0.0}};
+// Scenes on which nothing may go wrong, whoever renders them.
+struct HardScene {
+  const char* name;
+  const char* guards_against;
+  Scene (*make)();
+  // Of a cached picture's mean, against a gather in every pixel, as shares of that: what the mean of `runs` pictures by
+  // records of 256 rays may differ by, 2.5 to 4 standard deviations, and of one picture by virtual lights, which have
+  // no noise. Of one picture the standard deviation is 1 %, of those by three records or so 3 to 4 %, with the slit
+  // 7 %, where the level occlusion_hessian is 6 % too dark besides.
+  double tolerance = 0.05;
+  unsigned runs = 1;
+  double tolerance_by_vpls = 0.05;
+  // W/(m^2 sr): where brightness is left to chance, what the mean is at most.
+  double most = 0.0;
+
+  bool is_bright() const { return tolerance > 0.0; }
+  // Where few shadow rays pass, even the mean over all pixels is noisy.
+  bool is_noisy() const { return tolerance > 0.1; }
+  unsigned gathers() const { return is_noisy() ? 4 : 1; }
+};
+
+inline const HardScene kHardScenes[] = {
+    {"speck", "densities that overflow, and offsets that step over the lamp", speck},
+    {"slit", "shadow rays that miss a narrow gap or slip past its edges", slit, 0.12, 8},
+    {"grazing", "hits, normals and radii that depend on how flat a surface is looked at", grazing, 0.05, 16},
+    {"corner", "radii and gradients that explode where all surfaces are near", corner_of_walls, 0.05, 16},
+    {"needles", "light counted twice, and holes where triangles have no normal", needles},
+    {"hall", "offsets as wide as a gap, and radii that reach through it", hall},
+    {"bright_beside_dim", "weights, densities and sums that overflow", bright_beside_dim},
+    // Lamps are drawn by power: what the dim one sends is left to chance, of a picture's radiance at most its own.
+    {"dim_beside_bright", "light of a bright room that passes a wall, be it a share of 1e-40",
+     dim_beside_bright, -1.0, 1, -1.0, 1e-20},
+    {"denormal_light", "light that is lost where shares of it are no normal numbers", denormal_light},
+    // All that is reflected is less than what the lamp sends.
+    {"denormal_lamp", "the inverse of a vanishing power, which is infinite", denormal_lamp, -1.0, 1, -1.0,
+     1e-42},
+    {"tiny", "offsets and radii whose unit is the metre", [] { return scaled_room(1e-4f); }},
+    {"huge", "squares and areas that outgrow their sums", [] { return scaled_room(1e4f); }},
+    {"far_file", "coordinates of a file that lose their places", [] { return import_room(1e6); }},
+    {"dark", "light from nowhere, and divisions by how much there is", dark, -1.0, 1, -1.0, 0.0}};
 
 inline void expect_an_image(const Image& image, const std::string& what) {
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {

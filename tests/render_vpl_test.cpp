@@ -104,6 +104,7 @@ Scene room() {
   return s;
 }
 
+// Guards against: corners that the clamp leaves dark, and light that compensation counts twice.
 TEST(RenderVpl, GathersWithCompensationConvergeToPathTracedIrradianceAndClampingAloneIsDarker) {
   for (const bool is_furnace : {true, false}) {
     const RayTracer furnace(make_scene("white_furnace"));
@@ -364,6 +365,7 @@ TEST(RenderVpl, KeptBitsOfWhichAnyPartIsTracedAnewGiveTheFreshIrradianceBitForBi
   }
 }
 
+// Guards against: light from below a horizon or through a wall, in packets of rays.
 TEST(RenderVpl, EveryVplThatABitSaysIsSeenIsSeenByARayOfItsOwn) {
   const RayTracer& rays = cornell_box_rays();
   const VplSet set = traced_set(rays, 200, 6);
@@ -426,6 +428,7 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
   EXPECT_GE(compared, 30);
 }
 
+// Guards against: kept records whose compensation is no more that of a new one.
 TEST(RenderVpl, TheRaysThatMetSomethingAreAllThatCompensationNeeds) {
   const RayTracer& rays = cornell_box_rays();
   const VplSet set = traced_set(rays, 300, 5);
@@ -442,6 +445,7 @@ TEST(RenderVpl, TheRaysThatMetSomethingAreAllThatCompensationNeeds) {
   EXPECT_GT(some, 20);
 }
 
+// Guards against: slopes of a sum that is constant, which would make edges of light where the clamp ends.
 TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {
   const RayTracer& rays = cornell_box_rays();
   const VplSet set = traced_set(rays, 100, 5);
@@ -455,6 +459,8 @@ TEST(RenderVpl, WhereTheClampBoundsAllNothingChanges) {
     EXPECT_TRUE(g.translational[c] == glm::vec3(0.0f) && g.rotational[c] == glm::vec3(0.0f));
 }
 
+// Guards against: 0 / 0 where a virtual light lies at the point itself, and sums and slopes that overflow as it comes
+// close.
 TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
   const RayTracer& rays = cornell_box_rays();
   Tracer tracer(rays);
@@ -491,6 +497,7 @@ TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
   EXPECT_EQ(compensate(tracer, hit, VplArrays(), 1.0f, 0, 1).E, glm::vec3(0.0f));
 }
 
+// Guards against: divisions by a power or a count that is 0.
 TEST(RenderVpl, ADarkSceneHasNoVplsAndAsksNothing) {
   Scene dark = room();
   dark.materials[1].emission = glm::vec3(0.0f);
