@@ -6,14 +6,16 @@ import base64
 import json
 import math
 import re
+import tempfile
 import unittest
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 
 from plots_support import (kContext, kFewWorkloads, InFolder, References, few_caches, model_anatomy,
                            model_caches, model_preempt, model_repeatability, model_results,
-                           model_simulated, model_timeline, read_csv, write_results)
+                           model_simulated, model_timeline, read_csv, run, write_results)
 
 import anatomy_page
 import anatomy_results
@@ -26,18 +28,27 @@ import results
 from figures import FIGURES
 
 
-class Report(InFolder):
-    def page(self, *paths) -> str:
-        self.good("report.py", *paths, "--out", self.folder / "out")
-        return (self.folder / "out/report.html").read_text(encoding="utf-8")
-
-    def test_the_page_needs_nothing_but_itself(self):
-        images = self.folder / "images"
+class WholeReport(unittest.TestCase):
+    """One report with every figure, drawn once for all of these tests: it takes long."""
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        images = cls.folder / "images"
         images.mkdir()
         matplotlib.image.imsave(images / "room.png", np.zeros((4, 4)))
         (images / "room.json").write_text('{"scene": "cornell_box", "cache": "wait_free", "seconds": 0.25}')
         (images / "broken.png").write_text("no picture")
-        page = self.page(self.results(errors=True, caches=few_caches(("ward", "packed"))))
+        rows = model_results(threads=(1, 2, 3, 4, 6, 8, 32), workloads=kFewWorkloads, caches=few_caches(("ward", "packed")))
+        path = write_results(cls.folder / "results.json", rows)
+        cls.done = run("report.py", path, "--out", cls.folder / "out")
+
+    def setUp(self):
+        self.assertEqual((self.done.returncode, self.done.stderr), (0, ""))
+
+    def test_the_page_needs_nothing_but_itself(self):
+        page = (self.folder / "out/report.html").read_text(encoding="utf-8")
         references = References(page)
         self.assertTrue(references.found)
         for reference in references.found:
@@ -54,10 +65,27 @@ class Report(InFolder):
         self.assertIn("cornell box, cache wait_free, 250 ms", page)
         self.assertIn("broken.png is not a picture", page)
 
+    def test_every_pdf_is_one_column_wide_with_truetype_fonts(self):
+        for figure in FIGURES:
+            pdf = (self.folder / "out/figures" / f"{figure.name}.pdf").read_bytes()
+            self.assertIn(b"/FontFile2", pdf, figure.name)
+            self.assertNotIn(b"/Type3", pdf, figure.name)
+            for box in re.findall(rb"/MediaBox \[ ?0 0 ([0-9.]+) ([0-9.]+)", pdf):
+                self.assertAlmostEqual(float(box[0]), 3.3 * 72, 1)
+                self.assertLess(float(box[1]), 9 * 72)
+
+
+class Report(InFolder):
+    def page(self, *paths) -> str:
+        self.good("report.py", *paths, "--out", self.folder / "out")
+        return (self.folder / "out/report.html").read_text(encoding="utf-8")
+
     def test_machines_have_parts_of_their_own_and_so_has_what_was_simulated(self):
         imagined = model_simulated((1, 256), 8, measured=(256,), workloads=kFewWorkloads[1:2],
                                    caches=few_caches()[1:3])
-        page = self.page(self.results("a.json"), self.results("b.json", host_name="other", complete=False),
+        little = {"caches": few_caches()[1:3], "threads": (1, 8), "repetitions": 3}
+        page = self.page(self.results("a.json", **little),
+                         self.results("b.json", host_name="other", complete=False, **little),
                          write_results(self.folder / "s.json", imagined))
         self.simulated(page)
         for target in re.findall(r'href="#([^"]+)"', page):

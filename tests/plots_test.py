@@ -172,17 +172,6 @@ class Figures(InFolder):
         other, = (g for g in groups if not g.mechanisms)
         self.assertEqual(home[other.caches].nunique(), len(other.caches))
 
-    def test_pdf_is_one_column_wide_with_truetype_fonts(self):
-        path = self.results(errors=True, caches=few_caches(("ward", "packed")), threads=(1, 2, 3, 4, 6, 8, 32))
-        self.good("report.py", path, "--out", self.folder)
-        for figure in FIGURES:
-            pdf = (self.folder / "figures" / f"{figure.name}.pdf").read_bytes()
-            self.assertIn(b"/FontFile2", pdf, figure.name)
-            self.assertNotIn(b"/Type3", pdf, figure.name)
-            for box in re.findall(rb"/MediaBox \[ ?0 0 ([0-9.]+) ([0-9.]+)", pdf):
-                self.assertAlmostEqual(float(box[0]), 3.3 * 72, 1)
-                self.assertLess(float(box[1]), 9 * 72)
-
     def test_single_repetition_is_said_and_carries_no_interval(self):
         path = self.results(repetitions=1)
         self.good("throughput.py", path, "--out", self.folder)

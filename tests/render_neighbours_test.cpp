@@ -108,8 +108,9 @@ class ListOfWaves final : public WaveCache {
   void ask(unsigned, std::span<const SurfacePoint> points, Answers& answers,
            std::span<Reply> replies) noexcept override {
     for (std::size_t i = 0; i < points.size(); ++i) {
+      answers.ask_at(points.subspan(i, 1));
       list_.visit(points[i], answers[0]);
-      replies[i] = answers.settle(0, points[i]);
+      replies[i] = answers.settle(0);
     }
   }
   InsertResult insert(unsigned, const Record& r) noexcept override {

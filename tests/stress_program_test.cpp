@@ -87,12 +87,18 @@ TEST(StressProgram, ReportsEveryCheckAndControl) {
     EXPECT_TRUE(control.at("seen").get<bool>()) << control.at("control");
     EXPECT_FALSE(control.at("witness").get<std::string>().empty());
   }
+  EXPECT_EQ(results.at("progress").size(), 6u);  // insert, query and query_batch of two caches
+  for (const auto& row : results.at("progress")) EXPECT_EQ(row.at("verdict"), "holds") << row.at("cache");
+  EXPECT_GE(results.at("progress_controls").size(), 8u);
+  for (const auto& control : results.at("progress_controls"))
+    EXPECT_TRUE(control.at("seen").get<bool>()) << control.at("control");
 }
 
 TEST(StressProgram, ReportsExploredSchedules) {
   const TemporaryFolder folder;
   const std::string file = (folder / "verdicts.json").string();
-  const Outcome outcome = icstress("--caches wait_free --check integrity --operations 100 --json " + file);
+  const Outcome outcome =
+      icstress("--caches wait_free --check integrity --operations 100 --progress off --json " + file);
   ASSERT_EQ(outcome.status, 0) << outcome.errors;
   std::ifstream in(file);
   const nlohmann::json results = nlohmann::json::parse(in);
@@ -116,13 +122,16 @@ TEST(StressProgram, ReportsExploredSchedules) {
 TEST(StressProgram, ReportsTheChecksAskedFor) {
   const TemporaryFolder folder;
   const std::string file = (folder / "verdicts.json").string();
-  ASSERT_EQ(icstress("--caches null --check regular --operations 100 --explore off --json " + file).status,
-            0);
+  ASSERT_EQ(
+      icstress("--caches null --check regular --operations 100 --explore off --progress off --json " + file)
+          .status,
+      0);
   std::ifstream in(file);
   const nlohmann::json results = nlohmann::json::parse(in);
   ASSERT_EQ(results.at("checks").size(), 1u);
   EXPECT_EQ(results.at("checks")[0].at("check"), "regular");
-  EXPECT_FALSE(results.contains("schedules") || results.contains("explored_controls"));
+  for (const char* part : {"schedules", "explored_controls", "progress", "progress_controls"})
+    EXPECT_FALSE(results.contains(part)) << part;
 }
 
 }  // namespace

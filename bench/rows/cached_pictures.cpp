@@ -58,8 +58,8 @@ const IntegratorEntry& irradiance_cache() { return find_integrator("irradiance_c
 
 class DeterministicOverFree : public Experiment {
  public:
-  DeterministicOverFree(const Machine& machine, std::string_view scene, std::string_view integrator)
-      : stage_(machine, scene), scene_(scene), integrator_(integrator), seed_(machine.seed) {}
+  DeterministicOverFree(const Machine& machine, std::string_view scene, const DeterministicFrame& which)
+      : stage_(machine, scene), scene_(scene), which_(which), seed_(machine.seed) {}
 
   Sample sample() override {
     const bool free_first = (count_++ & 1u) != 0;
@@ -72,7 +72,11 @@ class DeterministicOverFree : public Experiment {
 
  private:
   double seconds_of(bool deterministic) {
-    FrameRequest r = stage_.request(find_integrator(integrator_), seed_, kTimedWidth, kTimedHeight);
+    const int part = which_.spp > 1 ? 2 : 1;
+    FrameRequest r =
+        stage_.request(find_integrator(which_.integrator), seed_, kTimedWidth / part, kTimedHeight / part);
+    r.interpolation = find_interpolation(which_.interpolation).level;
+    r.spp = which_.spp;
     r.a = own_accuracy(scene_);
     r.vpls = 1024;
     r.deterministic = deterministic;
@@ -80,7 +84,8 @@ class DeterministicOverFree : public Experiment {
   }
 
   Stage stage_;
-  std::string_view scene_, integrator_;
+  std::string_view scene_;
+  DeterministicFrame which_;
   std::uint64_t seed_, count_ = 0;
 };
 
@@ -358,8 +363,8 @@ class FurnaceMean : public Experiment {
 }  // namespace
 
 std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
-                                                    std::string_view integrator) {
-  return std::make_unique<DeterministicOverFree>(machine, scene, integrator);
+                                                    const DeterministicFrame& which) {
+  return std::make_unique<DeterministicOverFree>(machine, scene, which);
 }
 
 std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene,

@@ -15,9 +15,16 @@ inline constexpr std::array<std::string_view, 11> kDiffuseScenes{
     "cornell_box", "wobble",     "desk",    "bunnies_1",        "bunnies_2", "bunnies_4",
     "bunnies_9",   "conference", "sibenik", "cornell_indirect", "office"};
 
+/// How a picture is made whose price in --deterministic is asked for.
+struct DeterministicFrame {
+  std::string_view integrator;
+  std::string_view interpolation;
+  std::uint32_t spp;  ///< samples a pixel; with more than one, queries take the time and not the records
+};
+
 /// Indirect time of a cached picture, deterministic, over that of one left to itself. A sample is a frame of either.
 std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std::string_view scene,
-                                                    std::string_view integrator);
+                                                    const DeterministicFrame& which);
 
 /// Where a picture is judged: everywhere, or where normals are along an axis, as on walls and boxes, not on what is
 /// curved.

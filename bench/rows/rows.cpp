@@ -185,19 +185,23 @@ void add_pictures(std::vector<Row>& rows) {
   const auto add = [&](std::string name, std::string what, double target, auto make) {
     rows.push_back({std::move(name), std::move(what), Relation::at_most, target, make});
   };
-  for (const auto& [integrator, suffix] :
-       {std::pair{"irradiance_cache", ""}, std::pair{"instant_caching", "_ic"}}) {
-    for (const Setting& setting : judged_scenes()) {
-      const std::string_view scene = setting.scene;
+  for (const Setting& setting : judged_scenes()) {
+    const std::string_view scene = setting.scene;
+    for (const auto& [suffix, which] :
+         {std::pair{"", DeterministicFrame{"irradiance_cache", "gradients", 1}},
+          std::pair{"_ic", DeterministicFrame{"instant_caching", "gradients", 1}},
+          std::pair{"_ellipses", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 16}}}) {
       add(fmt::format("deterministic{}_{}", suffix, scene),
-          fmt::format("indirect time of a frame of {} by {}: --deterministic / left to itself", scene,
-                      integrator),
-          1.15, [scene, integrator = integrator](const Machine& machine) {
-            return deterministic_over_free(machine, scene, integrator);
+          fmt::format("indirect time of a frame of {} by {}, {}, {} samples a pixel: --deterministic / left "
+                      "to itself",
+                      scene, which.integrator, which.interpolation, which.spp),
+          1.15, [scene, which = which](const Machine& machine) {
+            return deterministic_over_free(machine, scene, which);
           });
     }
   }
-  for (const std::string_view scene : kDiffuseScenes) {
+  for (const Setting& setting : judged_scenes()) {
+    const std::string_view scene = setting.scene;
     for (const auto& [which, in_name, in_words] :
          {std::tuple{Hits::all, "", ""},
           std::tuple{Hits::along_axes, "_flat", " where normals are along axes"}}) {
@@ -210,6 +214,8 @@ void add_pictures(std::vector<Row>& rows) {
             return records_at_equal_error(machine, scene, which);
           });
     }
+  }
+  for (const std::string_view scene : kDiffuseScenes) {
     for (const std::uint32_t spp : {16u, 64u}) {
       add(fmt::format("error_at_{}_paths_{}", spp, scene),
           fmt::format(

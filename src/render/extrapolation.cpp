@@ -167,7 +167,7 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   return kOverlap * large_reach / (search_reach(level_) * a_);
 }
 
-void GuardedSum::judge_suspects() noexcept {
+void LeakGuard::judge() noexcept {
   if (suspects_ == 0) return;
   std::array<bool, kLeakPacket> stopped;
   tracer_.occluded({rays_.data(), suspects_}, {stopped.data(), suspects_});

@@ -333,9 +333,32 @@ class Extrapolator {
   CoveredMean sum_;
 };
 
-/// Sums what records bring to one point as the level of `shapes` has it, but for those behind something
-/// (render/leak_guard.h). Suspects wait until there are kLeakPacket of them, or no more records: rays are traced while
-/// a cache is being visited, hence perhaps locked, only at points where many are valid.
+/// Adds what suspects bring to a sum, but for those behind something (render/leak_guard.h). They wait until there are
+/// kLeakPacket of them, or no more.
+class LeakGuard {
+ public:
+  LeakGuard(Tracer& tracer, LeakTests& tests, CoveredMean& sum) noexcept
+      : tracer_(tracer), tests_(tests), sum_(sum) {}
+
+  /// `ray`: what leak_ray gives.
+  void add(const Contribution& suspect, const Ray& ray) noexcept {
+    rays_[suspects_] = ray;
+    held_[suspects_++] = suspect;
+    if (suspects_ == kLeakPacket) judge();
+  }
+  void judge() noexcept;
+
+ private:
+  Tracer& tracer_;
+  LeakTests& tests_;
+  CoveredMean& sum_;
+  std::uint32_t suspects_ = 0;
+  std::array<Ray, kLeakPacket> rays_;
+  std::array<Contribution, kLeakPacket> held_;
+};
+
+/// Sums what records bring to one point as the level of `shapes` has it, but for those that the guard stops. Rays are
+/// traced while a cache is being visited, hence perhaps locked, only at points where many are valid.
 class GuardedSum {
  public:
   GuardedSum(const RecordShapes& shapes, Tracer& tracer, const SurfacePoint& x, LeakTests& tests) noexcept
@@ -344,38 +367,30 @@ class GuardedSum {
         extrapolator_(shapes, x),
         tracer_(tracer),
         x_(x),
-        tests_(tests) {}
+        guard_(tracer, tests, sum_) {}
 
   /// As those of Extrapolator, or at lower levels of Interpolator.
   void operator()(const Record& r, float weight) noexcept {
     const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight, true};
     if (!(c.w > 0.0f)) return;
-    if (!is_suspect(x_, r, shapes_.details.marks(r.id))) {
+    if (is_suspect(x_, r, shapes_.details.marks(r.id)))
+      guard_.add(c, leak_ray(tracer_.shared(), x_, r));
+    else
       sum_.add(c);
-      return;
-    }
-    rays_[suspects_] = leak_ray(tracer_.shared(), x_, r);
-    held_[suspects_++] = c;
-    if (suspects_ == kLeakPacket) judge_suspects();
   }
   std::optional<Irradiance> result() noexcept {
-    judge_suspects();
+    guard_.judge();
     return sum_.result();
   }
 
  private:
-  void judge_suspects() noexcept;
-
   const RecordShapes& shapes_;
   bool extrapolates_;
   Extrapolator extrapolator_;
   Tracer& tracer_;
   SurfacePoint x_;
-  LeakTests& tests_;
   CoveredMean sum_;
-  std::uint32_t suspects_ = 0;
-  std::array<Ray, kLeakPacket> rays_;
-  std::array<Contribution, kLeakPacket> held_;
+  LeakGuard guard_;
 };
 
 }  // namespace icbench

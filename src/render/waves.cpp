@@ -1,6 +1,7 @@
 #include "render/waves.h"
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <tuple>
 
@@ -14,11 +15,10 @@ namespace {
 constexpr unsigned kCoarsest = 8;  // pixels between those of the first wave; a power of two
 constexpr std::size_t kAskedAtOnce = 64;
 
-bool comes_before(const Record& a, const Record& b) noexcept {
-  const auto key = [](const Record& r) {
-    return std::tie(r.p.x, r.p.y, r.p.z, r.n.x, r.n.y, r.n.z, r.R, r.E.x, r.E.y, r.E.z);
-  };
-  return a.p.x != b.p.x ? a.p.x < b.p.x : key(a) < key(b);
+// Coordinates alone would not do: all records of a wall may share one.
+std::uint64_t hash_of(const glm::vec3& p) noexcept {
+  const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
+  return mix64((bits(p.x) << 32 | bits(p.y)) + 0x9e3779b97f4a7c15ULL * bits(p.z));
 }
 
 bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
@@ -48,25 +48,51 @@ std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >>
 
 }  // namespace
 
-Reply Answers::settle(std::size_t i, const SurfacePoint& x) noexcept {
-  std::vector<Answer>& found = found_[i];
-  std::sort(found.begin(), found.end(),
-            [](const Answer& a, const Answer& b) { return comes_before(a.record, b.record); });
-  const auto sum_by = [&](auto sum) {
-    for (const Answer& a : found) sum(a.record, a.weight);
-    return sum.result();
+void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
+  Query& query = queries_[i];
+  const SurfacePoint& x = points_[i];
+  if (source_.wants_use()) source_.used(r);
+  Contribution brings{r.E, weight, true};
+  std::uint32_t ray = kTrusted;
+  if (shapes_ != nullptr) {
+    if (shapes_->clamps_to_neighbours()) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
+    if (extrapolates(shapes_->shaper.level())) brings = Extrapolator(*shapes_, x).of(r, weight);
+    if (!(brings.w > 0.0f)) return;
+    if (shapes_->details.have_marks() && is_suspect(x, r, shapes_->details.marks(r.id))) {
+      ray = static_cast<std::uint32_t>(query.rays.size());
+      query.rays.push_back(leak_ray(tracer_->shared(), x, r));
+    }
+  }
+  query.answers.push_back({hash_of(r.p), brings, ray});
+}
+
+Reply Answers::settle(std::size_t i) noexcept {
+  Query& query = queries_[i];
+  // What is alike may be in any order.
+  const auto key = [](const Answer& a) {
+    const Contribution& c = a.brings;
+    return std::tie(a.order, c.E.x, c.E.y, c.E.z, c.w);
   };
-  Reply reply{shapes_ == nullptr              ? sum_by(Interpolator{})
-              : shapes_->details.have_marks() ? sum_by(GuardedSum(*shapes_, *tracer_, x, *tests_))
-                                              : sum_by(Extrapolator(*shapes_, x)),
-              std::numeric_limits<float>::infinity()};
-  if (shapes_ != nullptr && shapes_->clamps_to_neighbours()) {
-    for (const Answer& a : found) reply.most_R = std::min(reply.most_R, allowed_by_neighbour(a.record, x.p));
+  std::sort(query.answers.begin(), query.answers.end(), [&](const Answer& a, const Answer& b) {
+    return a.order != b.order ? a.order < b.order : key(a) < key(b);
+  });
+  CoveredMean sum;
+  if (query.rays.empty()) {
+    for (const Answer& a : query.answers) sum.add(a.brings);
+  } else {
+    LeakGuard guard(*tracer_, *tests_, sum);
+    for (const Answer& a : query.answers) {
+      if (a.ray == kTrusted)
+        sum.add(a.brings);
+      else
+        guard.add(a.brings, query.rays[a.ray]);
+    }
+    guard.judge();
   }
-  if (source_.wants_use()) {
-    for (const Answer& a : found) source_.used(a.record);
-  }
-  found.clear();
+  const Reply reply{sum.result(), query.most_R};
+  query.answers.clear();
+  query.rays.clear();
+  query.most_R = std::numeric_limits<float>::infinity();
   return reply;
 }
 
@@ -200,9 +226,10 @@ void Waves::make(const Thread& t, const Run& run) {
     Miss& m = misses_[i];
     const Visible x = frame.primary.at(m.pixel, m.layer);
     const SurfacePoint point{x.hit.p, x.hit.n};
+    w.answers.ask_at({&point, 1});
     for (const Record& r : w.own)
       if (const float weight = split_sphere_weight(point, r, a); weight > 0.0f) w.answers[0](r, weight);
-    const Reply own = w.answers.settle(0, point);
+    const Reply own = w.answers.settle(0);
     if (own.E) continue;
     Record record = source_.evaluate(t.index, t.tracer, x, frame.key);
     record.R = std::min({record.R, m.most_R, own.most_R});

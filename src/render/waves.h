@@ -18,8 +18,8 @@
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
 //
-// Records that answer are summed in order of position, normal, radius and irradiance: a cache may find them in any. Ids
-// may index a table, from which threads draw as they come; nothing here depends on them.
+// What records bring to a point is summed in an order that their positions decide, and what they bring: a cache may find
+// them in any. Ids may index a table, from which threads draw as they come; nothing here depends on them.
 //
 // Scope: one program on one machine (compilers and processors may round differently); a cache that has room; the same
 // frames before. Records are the same but for their ids.
@@ -27,6 +27,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -48,7 +49,7 @@ struct Reply {
   float most_R = 0.0f;          ///< metres: R that the records nearby allow a new one (clamped_to_neighbours)
 };
 
-/// The records that answer each query of a batch, in an order that they alone decide.
+/// What records bring to each query of a batch, summed in an order that it alone decides.
 class Answers {
  public:
   /// Queries of a batch, at most.
@@ -62,25 +63,39 @@ class Answers {
     tests_ = &tests;
   }
 
-  /// Takes those of query `i` of a batch, as the cache's session visits them. Out of memory ends the program.
+  /// The points of the batch to come, in place until they are settled.
+  void ask_at(std::span<const SurfacePoint> points) noexcept { points_ = points; }
+
+  /// Takes the records of query `i`, as the cache's session visits them. Out of memory ends the program.
   auto operator[](std::size_t i) noexcept {
-    return [&found = found_[i]](const Record& r, float weight) noexcept { found.push_back({r, weight}); };
+    return [this, i](const Record& r, float weight) noexcept { take(i, r, weight); };
   }
 
-  /// What those of query `i` come to at x, where it asked; forgets them.
-  Reply settle(std::size_t i, const SurfacePoint& x) noexcept;
+  /// What those of query `i` come to; forgets them.
+  Reply settle(std::size_t i) noexcept;
 
  private:
+  static constexpr std::uint32_t kTrusted = ~0u;  // no ray has to tell whether it counts
+
   struct Answer {
-    Record record;
-    float weight;
+    std::uint64_t order;  // hash of where its record lies
+    Contribution brings;
+    std::uint32_t ray;  // in Query::rays, or kTrusted
   };
+  struct Query {
+    std::vector<Answer> answers;
+    std::vector<Ray> rays;
+    float most_R = std::numeric_limits<float>::infinity();
+  };
+
+  void take(std::size_t i, const Record& r, float weight) noexcept;
 
   RecordSource& source_;
   const RecordShapes* shapes_;
   Tracer* tracer_ = nullptr;
   LeakTests* tests_ = nullptr;
-  std::array<std::vector<Answer>, kAtOnce> found_;
+  std::span<const SurfacePoint> points_;
+  std::array<Query, kAtOnce> queries_;
 };
 
 /// A cache as waves use it.

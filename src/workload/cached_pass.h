@@ -168,8 +168,9 @@ class CachedPass : public IndirectPass, protected WaveCache {
     auto& session = workers_[thread]->session;
     for (std::size_t i = 0; i < points.size(); i += Answers::kAtOnce) {
       const std::size_t n = std::min(Answers::kAtOnce, points.size() - i);
+      answers.ask_at(points.subspan(i, n));
       session.visit_batch(points.subspan(i, n), answers);
-      for (std::size_t k = 0; k < n; ++k) replies[i + k] = answers.settle(k, points[i + k]);
+      for (std::size_t k = 0; k < n; ++k) replies[i + k] = answers.settle(k);
     }
   }
 
