@@ -10,7 +10,8 @@
 //   split_sphere        R = harmonic mean distance (Ward et al. 1988), within      as is, 1 / error
 //                       wide limits
 //   bounded             the same, within kLeastPixels and kMostPixels as           as is, 1 / error
-//                       projected to the screen (Tabellion & Lamorlette 2004)
+//                       projected to the screen (Tabellion & Lamorlette 2004);
+//                       the former outweighs every other limit
 //   gradients           the same; R <= E / |gradient of E|                         extrapolated (Ward & Heckbert 1992),
 //                                                                                  1 / error - 1 / a
 //   neighbour_clamping  the same; R <= R_j + |p - p_j| for the records j around    the same
