@@ -16,6 +16,12 @@ kTitle = "Speed against error, all methods"
 kLead = ("<p>Every method that makes indirect light, over its parameters, judged at identical primary hits against "
          "path tracing. Times are those of the indirect light alone; direct light costs the same for all.</p>")
 kFront = ("relmse", "rmse", "flip", "hdrvdp_p75")
+# Methods that differ in how records are interpolated, each by what it adds.
+kLevels = {"irradiance_cache": "split sphere", "irradiance_cache_bounded": "limits on the screen",
+           "irradiance_cache_gradients": "gradients", "irradiance_cache_neighbours": "neighbour clamping",
+           "irradiance_cache_geometric": "ellipses by the geometric Hessian",
+           "irradiance_cache_occlusion": "ellipses by the occlusion Hessian",
+           "irradiance_cache_overture": "an overture before these"}
 
 
 def budgets(part: pd.DataFrame) -> list[float]:
@@ -95,6 +101,42 @@ def front_table(part: pd.DataFrame) -> str:
     return table(head, lines, "wide")
 
 
+def levels(part: pd.DataFrame) -> str:
+    """What each level of interpolation makes of the same accuracies, at the most rays a record that all had; nothing
+    where fewer than two were measured."""
+    error = "rmse_irradiance" if "rmse_irradiance" in part else "relmse"
+    mine = part[part["method"].isin(list(kLevels))].copy()
+    for key, name in (("accuracy", "a"), ("rays_per_record", "rays")):
+        mine[name] = pd.to_numeric(mine["setting"].str.extract(rf"\b{key}:([^/]+)")[0], errors="coerce")
+    mine = mine.dropna(subset=["a", "rays"])
+    shown = [m for m in kLevels if (mine["method"] == m).any()]
+    by = mine.groupby(["rays", "a"])["method"].nunique()
+    shared = by[by == len(shown)].index
+    if len(shown) < 2 or shared.empty:
+        return ""
+    rays = max(n for n, _ in shared)
+    accuracies = sorted((a for n, a in shared if n == rays), reverse=True)
+    cells = mine[mine["rays"] == rays].set_index(["method", "a"])
+    has_records = "records" in mine
+    what = ([("records", "records")] if has_records else []) + [
+        (error, "RMSE of E" if error == "rmse_irradiance" else "relMSE"), ("seconds", "seconds")]
+    head = "<th>interpolation</th>" + "".join(
+        f'<th class="n">{name}<span class="under">a = {a:g}</span></th>' for a in accuracies for _, name in what)
+    lines = []
+    for method in shown:
+        line = f"<td>{text(kLevels[method])}</td>"
+        for a in accuracies:
+            row = cells.loc[(method, a)]
+            line += "".join('<td class="n">' + (f"{row[column]:,.0f}" if column == "records" else
+                                                style.number(row[column])) + "</td>" for column, _ in what)
+        lines.append(f"<tr>{line}</tr>")
+    own = f"reference_{error}"
+    about = (f"E: irradiance, W/m². Errors include the reference's own, {style.number(part[own].iloc[0])}"
+             if own in part else "E: irradiance, W/m²")
+    return (f"<h4>What each level of interpolation is worth, at {int(rays):,} rays a record</h4>"
+            + table(head, lines, "wide") + note_line(about))
+
+
 def _legend(part: pd.DataFrame) -> str:
     said = "Green: on the front of that error. "
     if "reference_relmse" in part:
@@ -156,7 +198,7 @@ def section(measured: Measured, anchor: str, figure: str) -> str:
         made += (f'<details class="plain" open><summary>{words}: beside path tracing, fronts, and pictures'
                  "</summary>" if several else "")
         made += f"<h3>{words}</h3>{sentence(scene, part)}{choices(part)}{front_table(part)}"
-        made += note_line(_legend(part))
+        made += note_line(_legend(part)) + levels(part)
         for pictures in measured.pictures:
             if pictures.index.get("scene") == scene:
                 made += gallery(pictures)

@@ -56,6 +56,29 @@ class Pareto(InFolder):
         self.assertIn("use hash cells (setting 0): relMSE 0.0200, where path tracing has 0.500 by then", page)
         self.assertIn("Bias is what 3 independent runs have in common", page)
 
+    def test_levels_of_interpolation_stand_side_by_side_at_equal_settings(self):
+        made = {"irradiance_cache": 900, "irradiance_cache_occlusion": 400}
+        data = model_pareto(scenes=("desk",), methods={"path": [(0.1, 0.5)]} | {m: [(0.2, 0.04)] * 5 for m in made},
+                            noise=0.0)
+        for row in data["benchmarks"]:
+            if row["method"] == "path":
+                continue
+            # One setting, of the most rays, is of one level alone.
+            number = int(row["name"].rpartition(":")[2])
+            a, rays = ((0.2, 64), (0.4, 64), (0.2, 256), (0.4, 256), (0.4, 1024))[number]
+            if rays == 1024 and row["method"] != "irradiance_cache":
+                rays = 512
+            row["name"] = f"pareto/desk/{row['method']}/accuracy:{a}/rays_per_record:{rays}"
+            row["records"] = made[row["method"]] + rays + round(10 * a)
+        page = self.page(data)
+        part = page[page.index("What each level of interpolation is worth, at 256 rays a record"):]
+        lines = [re.sub("<[^>]+>", " ", line).split() for line in re.findall(r"<tr><td>.*?</tr>", part)]
+        self.assertEqual(lines[0][:3] + lines[0][5:6], ["split", "sphere", "1,160", "1,158"])
+        self.assertIn("660", lines[1])
+        self.assertIn("658", lines[1])
+        alone = model_pareto(scenes=("desk",), methods={"path": [(0.1, 0.5)], "irradiance_cache": [(0.2, 0.04)]})
+        self.assertNotIn("What each level", self.page(alone))
+
     def several(self) -> dict[str, dict]:
         """Files of two scenes: in one a method of much spread, in the other nothing that is quick."""
         rooms = {"path": [(0.03, 0.6), (0.2, 0.1), (2.0, 0.02)], "hash_cells": [(0.05, 0.04), (0.5, 0.03)],

@@ -49,7 +49,7 @@ struct Reply {
   float most_R = 0.0f;          ///< metres: R that the records nearby allow a new one (clamped_to_neighbours)
 };
 
-/// What records bring to each query of a batch, summed in an order that it alone decides.
+/// What records bring to each query of a batch, summed in an order that has nothing to do with how the cache finds them.
 class Answers {
  public:
   /// Queries of a batch, at most.
