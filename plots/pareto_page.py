@@ -21,7 +21,7 @@ kLevels = {"irradiance_cache": "split sphere", "irradiance_cache_bounded": "limi
            "irradiance_cache_gradients": "gradients", "irradiance_cache_neighbours": "neighbour clamping",
            "irradiance_cache_geometric": "ellipses by the geometric Hessian",
            "irradiance_cache_occlusion": "ellipses by the occlusion Hessian",
-           "irradiance_cache_overture": "an overture before these"}
+           "irradiance_cache_overture": "the same after an overture"}
 
 
 def budgets(part: pd.DataFrame) -> list[float]:
@@ -121,7 +121,7 @@ def levels(part: pd.DataFrame) -> str:
     what = ([("records", "records")] if has_records else []) + [
         (error, "RMSE of E" if error == "rmse_irradiance" else "relMSE"), ("seconds", "seconds")]
     head = "<th>interpolation</th>" + "".join(
-        f'<th class="n">{name}<span class="under">a = {a:g}</span></th>' for a in accuracies for _, name in what)
+        f'<th class="n">{name},<br>a = {a:g}</th>' for a in accuracies for _, name in what)
     lines = []
     for method in shown:
         line = f"<td>{text(kLevels[method])}</td>"

@@ -18,8 +18,8 @@
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
 //
-// What records bring to a point is summed in an order that their positions decide, and what they bring: a cache may find
-// them in any. Ids may index a table, from which threads draw as they come; nothing here depends on them.
+// What records bring to a point is summed in an order decided by that and by where they lie: a cache may find them in
+// any. Ids may index a table, from which threads draw as they come; nothing here depends on them.
 //
 // Scope: one program on one machine (compilers and processors may round differently); a cache that has room; the same
 // frames before. Records are the same but for their ids.
@@ -49,7 +49,7 @@ struct Reply {
   float most_R = 0.0f;          ///< metres: R that the records nearby allow a new one (clamped_to_neighbours)
 };
 
-/// What records bring to each query of a batch, summed in an order that has nothing to do with how the cache finds them.
+/// What records bring to each query of a batch, summed in an order that does not depend on how the cache finds them.
 class Answers {
  public:
   /// Queries of a batch, at most.
