@@ -192,9 +192,10 @@ void add_pictures(std::vector<Row>& rows) {
           std::pair{"_ic", DeterministicFrame{"instant_caching", "gradients", 1}},
           std::pair{"_ellipses", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 16}}}) {
       add(fmt::format("deterministic{}_{}", suffix, scene),
-          fmt::format("indirect time of a frame of {} by {}, {}, {} samples a pixel: --deterministic / left "
-                      "to itself",
-                      scene, which.integrator, which.interpolation, which.spp),
+          fmt::format(
+              "indirect time of a frame of {} by {}, {}, {} a pixel: --deterministic / left to itself", scene,
+              which.integrator, which.interpolation,
+              which.spp > 1 ? fmt::format("{} samples", which.spp) : "one sample"),
           1.15, [scene, which = which](const Machine& machine) {
             return deterministic_over_free(machine, scene, which);
           });

@@ -48,6 +48,12 @@ std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >>
 
 }  // namespace
 
+void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
+  points_ = points;
+  if (shapes_ == nullptr || !extrapolates(shapes_->shaper.level())) return;
+  for (std::size_t i = 0; i < points.size(); ++i) queries_[i].extrapolator.emplace(*shapes_, points[i]);
+}
+
 void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
   Query& query = queries_[i];
   const SurfacePoint& x = points_[i];
@@ -56,7 +62,7 @@ void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
   std::uint32_t ray = kTrusted;
   if (shapes_ != nullptr) {
     if (shapes_->clamps_to_neighbours()) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
-    if (extrapolates(shapes_->shaper.level())) brings = Extrapolator(*shapes_, x).of(r, weight);
+    if (query.extrapolator) brings = query.extrapolator->of(r, weight);
     if (!(brings.w > 0.0f)) return;
     if (shapes_->details.have_marks() && is_suspect(x, r, shapes_->details.marks(r.id))) {
       ray = static_cast<std::uint32_t>(query.rays.size());

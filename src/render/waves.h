@@ -64,7 +64,7 @@ class Answers {
   }
 
   /// The points of the batch to come, in place until they are settled.
-  void ask_at(std::span<const SurfacePoint> points) noexcept { points_ = points; }
+  void ask_at(std::span<const SurfacePoint> points) noexcept;
 
   /// Takes the records of query `i`, as the cache's session visits them. Out of memory ends the program.
   auto operator[](std::size_t i) noexcept {
@@ -83,6 +83,7 @@ class Answers {
     std::uint32_t ray;  // in Query::rays, or kTrusted
   };
   struct Query {
+    std::optional<Extrapolator> extrapolator;  // where records are extrapolated
     std::vector<Answer> answers;
     std::vector<Ray> rays;
     float most_R = std::numeric_limits<float>::infinity();
