@@ -21,7 +21,7 @@ kLevels = {"irradiance_cache": "split sphere", "irradiance_cache_bounded": "limi
            "irradiance_cache_gradients": "gradients", "irradiance_cache_neighbours": "neighbour clamping",
            "irradiance_cache_geometric": "ellipses by the geometric Hessian",
            "irradiance_cache_occlusion": "ellipses by the occlusion Hessian",
-           "irradiance_cache_overture": "the same after an overture"}
+           "irradiance_cache_overture": "those, after an overture"}
 
 
 def budgets(part: pd.DataFrame) -> list[float]:

@@ -113,7 +113,7 @@ void add_run(const AnyCache::Maker& maker, const RayTracer& rays, Interpolation 
 class ClosedFormsAtLevels : public ::testing::TestWithParam<InterpolationEntry> {};
 INSTANTIATE_TEST_SUITE_P(Levels, ClosedFormsAtLevels, ::testing::ValuesIn(kInterpolations), level_name);
 
-TEST_P(ClosedFormsAtLevels, RecordsAreUnbiasedAndInterpolationErrsWithinTheAccuracy) {
+TEST_P(ClosedFormsAtLevels, RecordsAreUnbiasedAndInterpolationErrsByAThirdOfTheAccuracyAtMost) {
   constexpr std::uint64_t kRuns = 24;
   const Interpolation level = GetParam().level;
   const RayTracer rays(lit_plate());
@@ -136,7 +136,8 @@ TEST_P(ClosedFormsAtLevels, RecordsAreUnbiasedAndInterpolationErrsWithinTheAccur
           100.0 * std::sqrt(errors.noise_square / errors.asked), 100.0 * errors.whole.mean());
       EXPECT_TRUE(errors.records.agrees()) << at;
       EXPECT_LE(errors.records.error(), 0.0025) << at;
-      EXPECT_LT(of_interpolation[fine], static_cast<double>(a)) << at << ": more than the accuracy allows";
+      // A quarter of the accuracy is what split spheres come to.
+      EXPECT_LT(of_interpolation[fine], static_cast<double>(a) / 3.0) << at;
       EXPECT_GT(of_interpolation[fine], 1e-5) << at << ": nothing was interpolated";
     }
     EXPECT_LT(of_interpolation[1], 0.5 * of_interpolation[0]) << name << ": a finer accuracy does not help";
