@@ -133,7 +133,7 @@ float RecordShaper::shape_of_vpls(float R, const Irradiance& E, const Irradiance
 }
 
 float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float mean, const Irradiance& E,
-                            RecordDetail& detail) const noexcept {
+                            RecordDetail& detail, float farthest) const noexcept {
   // Geometry alone shrinks regions beside all that is near, lit or not; it needs no limit on the screen.
   const bool knows_light = level_ == Interpolation::occlusion_hessian;
   const ReachRule& rule = knows_light ? kWithOcclusion : kByGeometry;
@@ -142,6 +142,7 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
   float most = kMostReach * diagonal_;
   if (knows_light)
     most = std::clamp(kMostPixels * pixel_of_unit_distance_ * glm::distance(p, eye_), least, most);
+  most = std::clamp(farthest, least, most);
   const float near = 0.1f * least;
   float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
   detail.major = seen.basis.s;

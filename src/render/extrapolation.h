@@ -62,6 +62,7 @@
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -223,9 +224,10 @@ class RecordShaper {
                const IrradianceGradients& gradients) const noexcept;
 
   /// Sets the ellipse of a record at p and returns R of the sphere around it, metres; elliptic levels. `mean`: harmonic
-  /// mean distance, which decides where there are too few cells.
+  /// mean distance, which decides where there are too few cells; `farthest`: no valid distance exceeds it, or the least
+  /// that there is, metres.
   float ellipse(const glm::vec3& p, const Hemisphere& seen, float mean, const Irradiance& E,
-                RecordDetail& detail) const noexcept;
+                RecordDetail& detail, float farthest = std::numeric_limits<float>::infinity()) const noexcept;
 
  private:
   Interpolation level_;

@@ -87,9 +87,10 @@ ShapedHemisphereSource::ShapedHemisphereSource(const PassSetup& s)
 RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew& crew) {
   shapes_.shaper.look_from(rays_.scene().camera);
   const bool stays = !changes_light(change);
-  if (shapes_.shaper.level() == Interpolation::occlusion_hessian && !(stays && knows_mean_)) {
+  if (shapes_.shaper.level() == Interpolation::occlusion_hessian && !(stays && knows_light_)) {
     shapes_.shaper.expect(mean_irradiance(rays_, crew, width_, height_, seed_));
-    knows_mean_ = true;
+    caustics_.find(rays_, crew, seed_);
+    knows_light_ = true;
   }
   if (stays) return RecordsThen::stay;
   shapes_.details.clear();
@@ -112,8 +113,10 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     RecordDetail& detail = shapes_.details[record.id];
     w.smooth(w.seen);
     detail.gradients = gradients_of(w.seen, rays_.epsilon());
-    record.R = is_elliptic(shaper.level()) ? shaper.ellipse(record.p, w.seen, g.R, g.E, detail)
-                                           : shaper.radius(record.p, g.R, g.E, detail.gradients);
+    record.R = is_elliptic(shaper.level())
+                   ? shaper.ellipse(record.p, w.seen, g.R, g.E, detail,
+                                    caustics_.distance_to_brighter(record.p, record.n, luminance(g.E)))
+                   : shaper.radius(record.p, g.R, g.E, detail.gradients);
     restrain(detail.gradients, record.E, record.R);
   }
   if (shapes_.details.have_marks())

@@ -14,6 +14,7 @@
 #include "core/interpolation.h"
 #include "core/types.h"
 #include "image/image.h"
+#include "render/caustics.h"
 #include "render/gather.h"
 #include "render/indirect_pass.h"
 #include "render/primary.h"
@@ -105,7 +106,8 @@ class ShapedHemisphereSource final : public RecordSource {
   Strata strata_;
   RecordNames names_;
   RecordShapes shapes_;
-  bool knows_mean_ = false;  // of the light that there is
+  Caustics caustics_;         // occlusion Hessian only
+  bool knows_light_ = false;  // mean and caustics of the light that there is
   std::vector<Worker> workers_;
 };
 

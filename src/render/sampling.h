@@ -9,7 +9,7 @@
 namespace icbench {
 
 /// What a pixel's random numbers are for; each purpose has numbers of its own.
-enum class Purpose : std::uint32_t { lens, direct, gather, path, cell, residual_draw, residual, probe };
+enum class Purpose : std::uint32_t { lens, direct, gather, path, cell, residual_draw, residual, probe, caustic };
 
 /// Names one sample of an image; equal keys give equal random numbers in any thread.
 struct SampleKey {
