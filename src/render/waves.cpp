@@ -50,6 +50,7 @@ std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >>
 
 void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
   points_ = points;
+  tells_use_ = source_.wants_use();
   if (shapes_ == nullptr || !extrapolates(shapes_->shaper.level())) return;
   for (std::size_t i = 0; i < points.size(); ++i) queries_[i].extrapolator.emplace(*shapes_, points[i]);
 }
@@ -57,41 +58,36 @@ void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
 void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
   Query& query = queries_[i];
   const SurfacePoint& x = points_[i];
-  if (source_.wants_use()) source_.used(r);
-  Contribution brings{r.E, weight, true};
+  if (tells_use_) source_.used(r);
+  if (clamps_) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
+  const Contribution c =
+      query.extrapolator ? query.extrapolator->of(r, weight) : Contribution{r.E, weight, true};
+  if (!(c.w > 0.0f)) return;
   std::uint32_t ray = kTrusted;
-  if (shapes_ != nullptr) {
-    if (shapes_->clamps_to_neighbours()) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
-    if (query.extrapolator) brings = query.extrapolator->of(r, weight);
-    if (!(brings.w > 0.0f)) return;
-    if (shapes_->details.have_marks() && is_suspect(x, r, shapes_->details.marks(r.id))) {
-      ray = static_cast<std::uint32_t>(query.rays.size());
-      query.rays.push_back(leak_ray(tracer_->shared(), x, r));
-    }
+  if (marked_ && is_suspect(x, r, shapes_->details.marks(r.id))) {
+    ray = static_cast<std::uint32_t>(query.rays.size());
+    query.rays.push_back(leak_ray(tracer_->shared(), x, r));
   }
-  query.answers.push_back({hash_of(r.p), brings, ray});
+  query.answers.push_back({hash_of(r.p), c.E.x, c.E.y, c.E.z, c.w, c.covers, ray});
 }
 
 Reply Answers::settle(std::size_t i) noexcept {
   Query& query = queries_[i];
   // What is alike may be in any order.
-  const auto key = [](const Answer& a) {
-    const Contribution& c = a.brings;
-    return std::tie(a.order, c.E.x, c.E.y, c.E.z, c.w);
-  };
+  const auto key = [](const Answer& a) { return std::tie(a.red, a.green, a.blue, a.w); };
   std::sort(query.answers.begin(), query.answers.end(), [&](const Answer& a, const Answer& b) {
     return a.order != b.order ? a.order < b.order : key(a) < key(b);
   });
   CoveredMean sum;
   if (query.rays.empty()) {
-    for (const Answer& a : query.answers) sum.add(a.brings);
+    for (const Answer& a : query.answers) sum.add(a.brings());
   } else {
     LeakGuard guard(*tracer_, *tests_, sum);
     for (const Answer& a : query.answers) {
       if (a.ray == kTrusted)
-        sum.add(a.brings);
+        sum.add(a.brings());
       else
-        guard.add(a.brings, query.rays[a.ray]);
+        guard.add(a.brings(), query.rays[a.ray]);
     }
     guard.judge();
   }

@@ -55,7 +55,11 @@ class Answers {
   /// Queries of a batch, at most.
   static constexpr std::size_t kAtOnce = 16;
 
-  explicit Answers(RecordSource& source) : source_(source), shapes_(source.shapes()) {}
+  explicit Answers(RecordSource& source)
+      : source_(source),
+        shapes_(source.shapes()),
+        clamps_(shapes_ != nullptr && shapes_->clamps_to_neighbours()),
+        marked_(shapes_ != nullptr && shapes_->details.have_marks()) {}
 
   /// Who traces the rays of the guard against leaks from now on, and counts them.
   void guard_by(Tracer& tracer, LeakTests& tests) noexcept {
@@ -77,10 +81,14 @@ class Answers {
  private:
   static constexpr std::uint32_t kTrusted = ~0u;  // no ray has to tell whether it counts
 
+  // Single floats: a Contribution would be written in pieces and copied whole, for which the processor waits.
   struct Answer {
     std::uint64_t order;  // hash of where its record lies
-    Contribution brings;
+    float red, green, blue, w;
+    bool covers;
     std::uint32_t ray;  // in Query::rays, or kTrusted
+
+    Contribution brings() const noexcept { return {{red, green, blue}, w, covers}; }
   };
   struct Query {
     std::optional<Extrapolator> extrapolator;  // where records are extrapolated
@@ -93,6 +101,7 @@ class Answers {
 
   RecordSource& source_;
   const RecordShapes* shapes_;
+  bool clamps_, marked_, tells_use_ = false;
   Tracer* tracer_ = nullptr;
   LeakTests* tests_ = nullptr;
   std::span<const SurfacePoint> points_;
