@@ -295,7 +295,8 @@ class ErrorAtEqualTime : public Judged {
 
 class MeanOff : public Judged {
  public:
-  MeanOff(const Machine& machine, std::string_view scene) : Judged(machine, scene), scene_(scene) {}
+  MeanOff(const Machine& machine, std::string_view scene, Interpolation level)
+      : Judged(machine, scene), scene_(scene), level_(level) {}
 
   // Over several seeds: what the noise of records adds to one and takes from another is not amiss.
   Sample sample() override {
@@ -304,6 +305,7 @@ class MeanOff : public Judged {
     for (int i = 0; i < kPictures; ++i) {
       FrameRequest r = request(irradiance_cache(), next_seed());
       r.gather = 1024;
+      r.interpolation = level_;
       r.a = own_accuracy(scene_);
       const Picture p = render(r);
       off += (mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0) / kPictures;
@@ -314,6 +316,7 @@ class MeanOff : public Judged {
 
  private:
   std::string_view scene_;
+  Interpolation level_;
 };
 
 class BlockError : public Judged {
@@ -377,8 +380,8 @@ std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::str
   return std::make_unique<ErrorAtEqualTime>(machine, scene, spp);
 }
 
-std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene) {
-  return std::make_unique<MeanOff>(machine, scene);
+std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene, Interpolation level) {
+  return std::make_unique<MeanOff>(machine, scene, level);
 }
 
 std::unique_ptr<Experiment> furnace_mean(const Machine& machine) {

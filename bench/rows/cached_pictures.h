@@ -6,6 +6,7 @@
 #include <memory>
 #include <string_view>
 
+#include "render/extrapolation.h"
 #include "rows/row.h"
 
 namespace icbench {
@@ -41,9 +42,9 @@ std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
                                                 std::uint32_t spp);
 
-/// How far the mean of cached pictures, extrapolated by gradients, lies from path tracing's, as a share of it; at the
-/// scene's own accuracy. A sample is the mean of four seeds. Needs no quiet.
-std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene);
+/// How far the mean of cached pictures lies from path tracing's, as a share of it; at the scene's own accuracy. A sample
+/// is the mean of four seeds. Needs no quiet.
+std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene, Interpolation level);
 
 /// Mean of a cached picture of the white furnace over albedo^2, the truth. A sample is one seed.
 std::unique_ptr<Experiment> furnace_mean(const Machine& machine);

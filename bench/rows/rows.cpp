@@ -229,9 +229,13 @@ void add_pictures(std::vector<Row>& rows) {
   }
   for (const Setting& setting : judged_scenes()) {
     const std::string_view scene = setting.scene;
-    add(fmt::format("mean_off_{}", scene),
-        fmt::format("mean of cached {} against path tracing at equal hits: the difference as a share", scene),
-        0.005, [scene](const Machine& machine) { return mean_off(machine, scene); });
+    for (const auto& [suffix, level] : {std::pair{"", Interpolation::gradients},
+                                        std::pair{"_ellipses", Interpolation::occlusion_hessian}}) {
+      add(fmt::format("mean_off{}_{}", suffix, scene),
+          fmt::format("mean of cached {}{} against path tracing at equal hits: the difference as a share",
+                      scene, level == Interpolation::occlusion_hessian ? ", occlusion_hessian," : ""),
+          0.005, [scene, level = level](const Machine& machine) { return mean_off(machine, scene, level); });
+    }
   }
   constexpr std::string_view kFurnace = "mean of the cached white furnace / the truth";
   rows.push_back({"furnace_at_least", std::string(kFurnace), Relation::at_least, 0.999, furnace_mean});

@@ -124,8 +124,13 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
   Steps steps(crew_.size());
   crew_.run([&](unsigned index, Tracer& tracer) {
     const Thread t{frame, steps, index, tracer};
-    for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
-      ask(t, spacing, Lattice::added);
+    if (key.sample == 0) {
+      for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
+        ask(t, spacing, Lattice::added);
+        answer_misses(t);
+      }
+    } else {  // nearly all records are there
+      ask(t, 1, Lattice::all);
       answer_misses(t);
     }
     if (!overture) return;

@@ -15,6 +15,8 @@
 //   publish   the cache's frame ends and begins, so that every session sees every record; what was not made a record for
 //             asks again, and so on until all have found one
 //
+// Later samples of a pixel find nearly all records made, and take one wave of all pixels.
+//
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
 //
