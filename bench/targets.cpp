@@ -14,7 +14,7 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "image/file.h"
+#include "files/output_file.h"
 #include "rows/rows.h"
 
 namespace icbench {

@@ -10,7 +10,7 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "harness/output_file.h"
+#include "files/output_file.h"
 #include "harness/progress.h"
 #include "stress/report.h"
 
@@ -137,15 +137,6 @@ class Run {
   Report report_;
 };
 
-void write_json(const std::string& path, const ordered_json& content) {
-  const std::string text = content.dump(2) + "\n";
-  if (is_written_in_place(path)) {
-    write_all(open_in_place(path), text, path);
-  } else {
-    replace_file(path, [&](const Descriptor& out) { write_all(out, text, path); });
-  }
-}
-
 int fail(std::string_view line) {
   fmt::print(stderr, "icstress: {}\n", line);
   return 2;
@@ -230,7 +221,7 @@ int run_program(int argc, char** argv) {
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     const Report& report = run.run();
     const bool passed = report.print();
-    if (json->count() > 0) write_json(options.json, report.to_json());
+    if (json->count() > 0) write_file(options.json, report.to_json().dump(2) + "\n");
     return finish(passed);
   } catch (const CLI::Success& e) {
     return app.exit(e);

@@ -1,13 +1,14 @@
 // icbench compare, called as from the command line, and the suggestions of all subcommands.
+#include "cli/compare.h"
+
 #include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "cli/compare.h"
 #include "core/names.h"
-#include "image/file.h"
+#include "files/input_file.h"
 #include "image/image.h"
 #include "temporary_folder.h"
 

@@ -17,8 +17,8 @@
 #include <set>
 
 #include "core/random.h"
+#include "files/output_file.h"
 #include "image/codec.h"
-#include "image/file.h"
 #include "largest_request.h"
 #include "temporary_folder.h"
 

@@ -7,7 +7,7 @@
 #include <functional>
 #include <random>
 
-#include "image/file.h"
+#include "files/input_file.h"
 #include "largest_request.h"
 #include "scene/import_scene.h"
 #include "scene_files.h"

@@ -14,8 +14,8 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
+#include "files/output_file.h"
 #include "harness/progress.h"
-#include "image/file.h"
 #include "image/image.h"
 #include "image/webp_animation.h"
 

@@ -19,7 +19,7 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "image/file.h"
+#include "files/output_file.h"
 #include "image/image.h"
 #include "image/metrics/flicker.h"
 #include "image/metrics/registry.h"

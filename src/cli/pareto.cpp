@@ -13,10 +13,10 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
+#include "files/output_file.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
-#include "image/file.h"
 #include "image/metrics/flip.h"
 #include "workload/memory.h"
 

@@ -12,8 +12,8 @@
 
 #include "cli/command.h"
 #include "cli/options.h"
+#include "files/output_file.h"
 #include "harness/environment.h"
-#include "harness/output_file.h"
 #include "harness/perf_counters.h"
 #include "harness/progress.h"
 #include "harness/timeline.h"
@@ -97,11 +97,7 @@ void write_timeline(const SweepOptions& o, const Sweep& sweep, const SweepPoint&
   const std::string text =
       timeline.to_json(entry.name, about).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
       "\n";
-  if (is_written_in_place(o.timeline)) {
-    write_all(open_in_place(o.timeline), text, o.timeline);
-  } else {
-    replace_file(o.timeline, [&](const Descriptor& out) { write_all(out, text, o.timeline); });
-  }
+  write_file(o.timeline, text);
 }
 
 /// Runs a trial for its time alone.

@@ -2,30 +2,17 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 
+#include "files/input_file.h"
+
 namespace icbench {
-namespace {
 
 namespace fs = std::filesystem;
-
-/// Whether the descriptor is still the file of that name: the lock's holder may have deleted it.
-bool is_current(const Descriptor& file, const fs::path& path) {
-  struct stat open_file {
-  }, named{};
-  return fstat(file.get(), &open_file) == 0 && stat(path.c_str(), &named) == 0 &&
-         open_file.st_ino == named.st_ino && open_file.st_dev == named.st_dev;
-}
-
-}  // namespace
 
 nlohmann::ordered_json parse_json(std::string_view text, const fs::path& path, std::size_t base) {
   // No result nests deeper than a few levels; what does would overflow the stack of whoever prints it.
@@ -45,25 +32,9 @@ nlohmann::ordered_json parse_json(std::string_view text, const fs::path& path, s
   }
 }
 
-std::string read_file(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text{std::istreambuf_iterator<char>(file), {}};
-  if (!file.is_open() || file.bad())
-    throw std::runtime_error(
-        fmt::format("cannot read {}: {}; check its permissions", path.string(), std::strerror(errno)));
-  return text;
-}
-
 Journal::Journal(const fs::path& results) : path_(results) {
   path_ += ".partial";
-  do {
-    file_ = Descriptor(open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-    if (!file_) throw_output_error(results, errno);
-    // Other errors come from file systems without locks; one writer is then the caller's care.
-    if (flock(file_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-      throw std::runtime_error(fmt::format(
-          "another process is writing {}; wait for it or choose another --out", results.string()));
-  } while (!is_current(file_, path_));
+  file_ = open_alone(path_, O_RDWR | O_APPEND, results);
   struct stat status {};
   fstat(file_.get(), &status);
   size_ = static_cast<std::size_t>(status.st_size);
@@ -75,7 +46,7 @@ Journal::~Journal() {
 }
 
 Journal::Contents Journal::read() {
-  const std::string text = read_file(path_);
+  const std::string text = load_file(path_);
   Contents contents;
   std::size_t at = 0;
   while (at < text.size()) {
@@ -118,7 +89,7 @@ void Journal::append(const std::string& line) {
 
 void Journal::remove() {
   unlink(path_.c_str());
-  file_.reset();
+  file_.close();
   sync_directory_of(path_);
 }
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "harness/output_file.h"
+#include "files/output_file.h"
 
 namespace icbench {
 
@@ -55,8 +55,5 @@ class Journal {
 /// Parses JSON text; the std::runtime_error of damaged text names `path` and the byte (counted from `base`).
 nlohmann::ordered_json parse_json(std::string_view text, const std::filesystem::path& path,
                                   std::size_t base = 0);
-
-/// The whole content of a file. Throws std::runtime_error.
-std::string read_file(const std::filesystem::path& path);
 
 }  // namespace icbench

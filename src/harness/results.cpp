@@ -11,6 +11,7 @@
 #include <string_view>
 #include <system_error>
 
+#include "files/input_file.h"
 #include "harness/environment.h"
 #include "harness/journal.h"
 
@@ -136,7 +137,7 @@ void ResultsWriter::start_journal(OnExisting on_existing, const Json& configurat
     Json earlier;  // the context the run began with
     // An empty file is what mktemp leaves, never what we do.
     if (const auto size = fs::file_size(path_, none); !none && size > 0) {
-      Json file = parse_json(read_file(path_), path_);
+      Json file = parse_json(load_file(path_), path_);
       if (!file.is_object() || !file.contains("context") || !file.contains("benchmarks") ||
           !file["benchmarks"].is_array())
         refuse(path_, "it is no results file");
@@ -212,7 +213,7 @@ void ResultsWriter::finish() {
   } else {
     write_all(in_place_, "\n  ]\n}\n", path_);
     sync_file(in_place_, path_);
-    in_place_.reset();
+    if (!in_place_.close()) throw_output_error(path_, errno);
   }
   finished_ = true;
 }

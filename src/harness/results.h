@@ -26,7 +26,7 @@
 #include <utility>
 #include <vector>
 
-#include "harness/output_file.h"
+#include "files/output_file.h"
 
 namespace icbench {
 

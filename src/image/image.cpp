@@ -6,8 +6,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "files/input_file.h"
+#include "files/output_file.h"
 #include "image/codec.h"
-#include "image/file.h"
 
 namespace icbench {
 namespace {

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "image/file.h"
+#include "files/output_file.h"
 
 namespace icbench {
 namespace {

@@ -14,7 +14,7 @@
 #include <stdexcept>
 
 #include "core/fp_traps.h"
-#include "image/file.h"
+#include "files/input_file.h"
 #include "scene/import_model.h"
 #include "scene/import_trial.h"
 

@@ -8,7 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "image/file.h"
+#include "files/input_file.h"
 
 namespace icbench::importing {
 namespace {

@@ -10,7 +10,7 @@
 #include <set>
 #include <stdexcept>
 
-#include "image/file.h"
+#include "files/input_file.h"
 #include "scene/import_model.h"
 #include "scene/import_polygon.h"
 #include "scene/import_radiance_shapes.h"

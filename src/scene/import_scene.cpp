@@ -7,7 +7,7 @@
 #include <new>
 #include <stdexcept>
 
-#include "image/file.h"
+#include "files/input_file.h"
 #include "scene/import_model.h"
 
 namespace icbench {

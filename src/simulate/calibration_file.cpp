@@ -7,7 +7,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "harness/output_file.h"
+#include "files/output_file.h"
 #include "simulate/calibration.h"
 
 namespace icbench {
@@ -192,8 +192,7 @@ void make_folder_of(const std::string& path) {
 
 void write_calibration(const Calibration& calibration, const std::string& path) {
   make_folder_of(path);
-  const std::string text = calibration.to_json().dump(1) + "\n";
-  replace_file(path, [&](const Descriptor& out) { write_all(out, text, path); });
+  write_file(path, calibration.to_json().dump(1) + "\n");
 }
 
 }  // namespace icbench

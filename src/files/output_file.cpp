@@ -1,13 +1,14 @@
-#include "harness/output_file.h"
+#include "files/output_file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <charconv>
-#include <cstring>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -22,16 +23,16 @@ const char* remedy(int code) noexcept {
   switch (code) {
     case ENOENT:
     case ENOTDIR:
-      return "create the directory first or choose another --out";
+      return "create the directory first or choose another file";
     case EACCES:
     case EPERM:
     case EROFS:
-      return "choose an --out that you may write to";
+      return "choose a file that you may write to";
     case ENOSPC:
     case EDQUOT:
-      return "free some space or choose another --out";
+      return "free some space or choose another file";
     default:
-      return "choose another --out";
+      return "choose another file";
   }
 }
 
@@ -50,16 +51,29 @@ std::optional<int> named_descriptor(const fs::path& path) {
   return std::nullopt;
 }
 
+/// Whether the descriptor is still the file of that name: who held its lock may have deleted or renamed it.
+bool is_current(const Descriptor& file, const fs::path& path) {
+  struct stat open_file {
+  }, named{};
+  return fstat(file.get(), &open_file) == 0 && stat(path.c_str(), &named) == 0 &&
+         open_file.st_ino == named.st_ino && open_file.st_dev == named.st_dev;
+}
+
 }  // namespace
 
-void Descriptor::reset() noexcept {
-  if (fd_ >= 0) close(fd_);
-  fd_ = -1;
+void write_file(const fs::path& path, std::string_view bytes) {
+  if (!is_written_in_place(path)) {
+    replace_file(path, [&](const Descriptor& out) { write_all(out, bytes, path); });
+    return;
+  }
+  Descriptor out = open_in_place(path);
+  write_all(out, bytes, path);
+  if (!out.close()) throw_output_error(path, errno);
 }
 
 void throw_output_error(const fs::path& path, int code) {
-  throw std::runtime_error(
-      fmt::format("cannot write results to {}: {}; {}", path.string(), std::strerror(code), remedy(code)));
+  throw std::runtime_error(fmt::format("cannot write '{}': {}; {}", path.string(),
+                                       std::generic_category().message(code), remedy(code)));
 }
 
 void write_all(const Descriptor& out, std::string_view text, const fs::path& path) {
@@ -87,20 +101,35 @@ void sync_directory_of(const fs::path& file) {
   if (d) fsync(d.get());  // some file systems refuse this for directories; the rename itself stays atomic
 }
 
+Descriptor open_alone(const fs::path& path, int flags, const fs::path& output) {
+  for (;;) {
+    Descriptor file(open(path.c_str(), flags | O_CREAT | O_CLOEXEC, 0666));
+    if (!file) throw_output_error(output, errno);
+    // Other errors come from file systems without locks; one writer is then the caller's care.
+    if (flock(file.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+      throw std::runtime_error(fmt::format(
+          "another process is writing '{}'; wait for it or choose another file", output.string()));
+    if (is_current(file, path)) return file;
+  }
+}
+
 void replace_file(const fs::path& file, const std::function<void(const Descriptor&)>& write) {
-  fs::path temporary = file;
+  std::error_code none;
+  const fs::path target = fs::is_symlink(file, none) ? fs::weakly_canonical(file, none) : file;
+  if (target.empty()) throw_output_error(file, none ? none.value() : ENOENT);
+  fs::path temporary = target;
   temporary += ".tmp";
-  Descriptor out(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
-  if (!out) throw_output_error(file, errno);
+  const Descriptor out = open_alone(temporary, O_WRONLY, file);
   try {
+    if (ftruncate(out.get(), 0) != 0) throw_output_error(file, errno);  // what a kill left behind
     write(out);
     sync_file(out, file);
-    if (rename(temporary.c_str(), file.c_str()) != 0) throw_output_error(file, errno);
+    if (rename(temporary.c_str(), target.c_str()) != 0) throw_output_error(file, errno);
   } catch (...) {
     unlink(temporary.c_str());
     throw;
   }
-  sync_directory_of(file);
+  sync_directory_of(target);
 }
 
 bool is_written_in_place(const fs::path& path) {
