@@ -30,11 +30,12 @@ void Caustics::find(const RayTracer& rays, Crew& crew, std::uint64_t seed) {
   if (!rays.scene().has_specular() || rays.scene().lights.empty()) return;
   land(rays, crew, seed);
   std::vector<float> irradiance(landings_.size());
-  crew.for_each(landings_.size(), 16,
-                [&](unsigned, Tracer&, std::size_t i) { irradiance[i] = irradiance_at(landings_[i]); });
-  for (std::size_t i = 0; i < landings_.size(); ++i) landings_[i].light = irradiance[i];
+  crew.for_each(landings_.size(), 16, [&](unsigned, Tracer&, std::size_t i) {
+    irradiance[i] = irradiance_at(landings_[i].p, landings_[i].n);
+  });
+  for (std::size_t i = 0; i < landings_.size(); ++i) landings_[i].irradiance = irradiance[i];
   std::stable_sort(landings_.begin(), landings_.end(),
-                   [](const Landing& a, const Landing& b) { return a.light > b.light; });
+                   [](const Landing& a, const Landing& b) { return a.irradiance > b.irradiance; });
 }
 
 // Keeps those that came by way of a specular surface, in the order of the particles.
@@ -54,23 +55,23 @@ void Caustics::land(const RayTracer& rays, Crew& crew, std::uint64_t seed) {
     landed[i] = {hit.p, hit.ng, luminance(weight * start.power) / static_cast<float>(kParticles)};
   });
   std::copy_if(landed.begin(), landed.end(), std::back_inserter(landings_),
-               [](const Landing& l) { return l.light > 0.0f; });
+               [](const Landing& l) { return l.flux > 0.0f; });
 }
 
 // By the flux within the distance of the kNearest'th other one; 0 where there are not so many.
-float Caustics::irradiance_at(const Landing& at) const noexcept {
+float Caustics::irradiance_at(const glm::vec3& p, const glm::vec3& n) const noexcept {
   struct Near {
     float square, flux;
   };
   std::array<Near, kNearest> nearest;
   nearest.fill({std::numeric_limits<float>::infinity(), 0.0f});
   for (const Landing& other : landings_) {
-    const glm::vec3 d = other.p - at.p;
+    const glm::vec3 d = other.p - p;
     const float square = glm::dot(d, d);
-    if (!(square < nearest.back().square) || !faces_alike(at.n, other.n)) continue;
+    if (!(square < nearest.back().square) || !faces_alike(n, other.n)) continue;
     std::size_t i = kNearest - 1;
     for (; i > 0 && nearest[i - 1].square > square; --i) nearest[i] = nearest[i - 1];
-    nearest[i] = {square, other.light};
+    nearest[i] = {square, other.flux};
   }
   const float square = nearest.back().square;
   if (!std::isfinite(square)) return 0.0f;
@@ -84,7 +85,7 @@ float Caustics::distance_to_brighter(const glm::vec3& p, const glm::vec3& n,
                                      float irradiance) const noexcept {
   float least = std::numeric_limits<float>::infinity();
   for (const Landing& l : landings_) {
-    if (!(l.light > irradiance)) break;
+    if (!(l.irradiance > irradiance)) break;
     const glm::vec3 d = l.p - p;
     if (faces_alike(n, l.n)) least = std::min(least, glm::dot(d, d));
   }

@@ -31,16 +31,20 @@ class Caustics {
   /// W/m^2) from a caustic, metres; infinite if there is none. Called by many threads at once.
   float distance_to_brighter(const glm::vec3& p, const glm::vec3& n, float irradiance) const noexcept;
 
+  /// Irradiance by caustics at p on a surface that faces as `n`, luminance, W/m^2: by the nearest particles, hence to
+  /// 38 % at best, but of random numbers of its own. Called by many threads at once.
+  float irradiance_at(const glm::vec3& p, const glm::vec3& n) const noexcept;
+
   std::size_t count() const noexcept { return landings_.size(); }  ///< particles that landed
 
  private:
   struct Landing {
     glm::vec3 p{0.0f}, n{0.0f};
-    float light = 0.0f;  // first the particle's flux, W, then irradiance, W/m^2; luminance
+    float flux = 0.0f;        // of the particle, luminance, W
+    float irradiance = 0.0f;  // there, of all particles, luminance, W/m^2
   };
 
   void land(const RayTracer& rays, Crew& crew, std::uint64_t seed);
-  float irradiance_at(const Landing& at) const noexcept;
 
   std::vector<Landing> landings_;  // the brightest first
 };

@@ -51,15 +51,23 @@ struct Summed {
   glm::vec3 E{0.0f};
 
   void add(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
+  void add_focused(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
   void meet(std::uint32_t, const Hit&) noexcept {}
 };
 struct SummedAndSeen : Summed {
   std::vector<HemisphereSample>& samples;
+  FocusedLight where;
+  glm::vec3 apart{0.0f};
 
-  explicit SummedAndSeen(std::vector<HemisphereSample>& s) noexcept : samples(s) {}
+  SummedAndSeen(std::vector<HemisphereSample>& s, FocusedLight f) noexcept : samples(s), where(f) {}
   void add(std::uint32_t cell, const glm::vec3& light) noexcept {
     E += light;
     samples[cell].L += std::numbers::inv_pi_v<float> * light;
+  }
+  void add_focused(std::uint32_t cell, const glm::vec3& light) noexcept {
+    if (where == FocusedLight::seen) return add(cell, light);
+    E += light;
+    apart += light;
   }
   void meet(std::uint32_t cell, const Hit& hit) noexcept {
     samples[cell].t = hit.t;
@@ -127,9 +135,14 @@ class Wave {
         rays_[onward++] = on;
         continue;
       }
-      if (hit.front && material.emits() && (count_straight || path.specular > 0)) {
-        const float w = path.specular > 0 ? 1.0f : emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q);
-        sink_.add(path.cell, std::numbers::pi_v<float> * w / path.q * path.weight * material.emission);
+      if (hit.front && material.emits()) {
+        const auto arrives = [&](float w) {
+          return std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
+        };
+        if (path.specular > 0)
+          sink_.add_focused(path.cell, arrives(1.0f));
+        else if (count_straight)
+          sink_.add(path.cell, arrives(emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q)));
       }
       path.weight *= shared_.albedo(hit) / path.q;
       path.q = survival(path.weight);
@@ -197,14 +210,17 @@ GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t
   return gather_into(tracer, sum, x, Basis(x.n), strata, key, [](std::uint32_t, const glm::vec3&) {});
 }
 
-GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key,
-                    Hemisphere& seen) noexcept {
+GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key, Hemisphere& seen,
+                    FocusedLight focused) noexcept {
   seen.strata = strata;
   seen.basis = Basis(x.n);
   seen.samples.assign(strata.count(), {glm::vec3(0.0f), kInfinity, glm::vec3(0.0f), x.ng});
-  SummedAndSeen sum(seen.samples);
-  return gather_into(tracer, sum, x, seen.basis, strata, key,
-                     [&](std::uint32_t cell, const glm::vec3& d) { seen.samples[cell].d = d; });
+  SummedAndSeen sum(seen.samples, focused);
+  const GatherResult out =
+      gather_into(tracer, sum, x, seen.basis, strata, key,
+                  [&](std::uint32_t cell, const glm::vec3& d) { seen.samples[cell].d = d; });
+  seen.apart = sum.apart / static_cast<float>(strata.count());
+  return out;
 }
 
 template GatherResult gather(Tracer&, const Hit&, const Strata&, std::uint64_t) noexcept;

@@ -33,9 +33,15 @@ struct GatherResult {
 template <class T>
 GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t key) noexcept;
 
+/// What becomes of light that comes straight from a lamp by way of mirrors and glass, which rays find by chance alone.
+enum class FocusedLight : bool {
+  seen,  ///< it is in the cell whose ray found it
+  apart  ///< no cell has it: it is in Hemisphere::apart, and in the irradiance as ever
+};
+
 /// The same, bit for bit, and what each cell saw; `seen` keeps its memory from call to call.
-GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key,
-                    Hemisphere& seen) noexcept;
+GatherResult gather(Tracer& tracer, const Hit& x, const Strata& strata, std::uint64_t key, Hemisphere& seen,
+                    FocusedLight focused = FocusedLight::seen) noexcept;
 
 /// A Tracer that also logs its rays, in the order traced. Out of memory ends the program.
 class RecordingTracer : public Tracer {

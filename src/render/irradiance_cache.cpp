@@ -106,16 +106,22 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     return {x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, names_(x, key)};
   }
   Worker& w = workers_[thread];
-  const GatherResult g = gather(tracer, x.hit, strata_, of_hit, w.seen);
+  // Whether a ray finds a lamp in a mirror or behind glass is chance. Were what it finds to decide how far a record
+  // counts, those that found much would count less far than those that found nothing, and pictures would be too dark.
+  const bool apart = shaper.level() == Interpolation::occlusion_hessian;
+  const GatherResult g =
+      gather(tracer, x.hit, strata_, of_hit, w.seen, apart ? FocusedLight::apart : FocusedLight::seen);
   Record record{x.hit.p, x.hit.n, shaper.radius(x.hit.p, g.R), g.E, shapes_.details.draft(thread)};
   if (record.id == RecordDetails::kNone) return record;
   if (extrapolates(shaper.level())) {
     RecordDetail& detail = shapes_.details[record.id];
     w.smooth(w.seen);
     detail.gradients = gradients_of(w.seen, rays_.epsilon());
+    const Irradiance expected =
+        glm::max(g.E - w.seen.apart, 0.0f) + caustics_.irradiance_at(record.p, record.n);
     record.R = is_elliptic(shaper.level())
-                   ? shaper.ellipse(record.p, w.seen, g.R, g.E, detail,
-                                    caustics_.distance_to_brighter(record.p, record.n, luminance(g.E)))
+                   ? shaper.ellipse(record.p, w.seen, g.R, expected, detail,
+                                    caustics_.distance_to_brighter(record.p, record.n, luminance(expected)))
                    : shaper.radius(record.p, g.R, g.E, detail.gradients);
     restrain(detail.gradients, record.E, record.R);
   }
