@@ -175,22 +175,21 @@ void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
       if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
       if (!reflects(rays_, x.hit)) return;
       w.points.push_back({x.hit.p, x.hit.n});
-      const auto row = static_cast<std::uint32_t>(width_);
-      const std::uint32_t block = block_number(x.pixel % row / edge, x.pixel / row / edge);
-      const auto rank = static_cast<std::uint32_t>(hash_keys(x.pixel, x.layer));
-      w.asked.push_back({block, rank, x.pixel, x.layer, 0.0f, false});
+      w.asked.push_back({x.pixel, x.layer});
     });
     w.replies.resize(w.points.size());
     cache.ask(t.index, w.points, w.answers, w.replies);
     w.use.queries += w.points.size();
     for (std::size_t k = 0; k < w.points.size(); ++k) {
-      Miss& m = w.asked[k];
+      const auto [pixel, layer] = w.asked[k];
       if (w.replies[k].E) {
-        show(t.frame, m, *w.replies[k].E);
+        show(t.frame, pixel, layer, *w.replies[k].E);
         ++w.use.hits;
       } else {
-        m.most_R = w.replies[k].most_R;
-        w.missed.push_back(m);
+        const auto row = static_cast<std::uint32_t>(width_);
+        const std::uint32_t block = block_number(pixel % row / edge, pixel / row / edge);
+        const auto rank = static_cast<std::uint32_t>(hash_keys(pixel, layer));
+        w.missed.push_back({block, rank, pixel, layer, w.replies[k].most_R, false});
       }
     }
   });
@@ -220,6 +219,9 @@ void Waves::choose_runs() {
     }
     colour_ = 1 - colour_;
   }
+  // The longest first, or all would wait for the thread that came to it last.
+  std::stable_sort(runs_.begin(), runs_.end(),
+                   [](const Run& a, const Run& b) { return a.end - a.begin > b.end - b.begin; });
 }
 
 // Makes records until each miss of a run has its own or is covered by those that were made for it. Whether it really is,
@@ -275,7 +277,7 @@ void Waves::keep_unanswered(const Frame& frame) {
   std::size_t left = 0;
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
-      show(frame, misses_[i], *replies_[i].E);
+      show(frame, misses_[i].pixel, misses_[i].layer, *replies_[i].E);
     } else {
       misses_[left] = misses_[i];
       misses_[left++].most_R = replies_[i].most_R;
@@ -284,9 +286,10 @@ void Waves::keep_unanswered(const Frame& frame) {
   misses_.resize(left);
 }
 
-void Waves::show(const Frame& frame, const Miss& m, const Irradiance& E) const noexcept {
-  const Visible x = frame.primary.at(m.pixel, m.layer);
-  frame.out.pixels[m.pixel] += x.weight * reflected_radiance(rays_, x.hit, E);
+void Waves::show(const Frame& frame, std::uint32_t pixel, std::uint32_t layer,
+                 const Irradiance& E) const noexcept {
+  const Visible x = frame.primary.at(pixel, layer);
+  frame.out.pixels[pixel] += x.weight * reflected_radiance(rays_, x.hit, E);
 }
 
 }  // namespace icbench

@@ -140,6 +140,9 @@ class Waves {
   CacheUse use() const noexcept;
 
  private:
+  struct Asked {
+    std::uint32_t pixel, layer;
+  };
   struct Miss {
     std::uint32_t block;  // of the image; neighbours in order are neighbours there
     std::uint32_t rank;   // at random
@@ -156,7 +159,8 @@ class Waves {
     Answers answers;
     std::vector<SurfacePoint> points;
     std::vector<Reply> replies;
-    std::vector<Miss> asked, missed;
+    std::vector<Asked> asked;
+    std::vector<Miss> missed;
     std::vector<Record> own;  // made for this run
     CacheUse use;
   };
@@ -190,7 +194,7 @@ class Waves {
   void gather_misses();
   void choose_runs();
   void keep_unanswered(const Frame& frame);
-  void show(const Frame& frame, const Miss& m, const Irradiance& E) const noexcept;
+  void show(const Frame& frame, std::uint32_t pixel, std::uint32_t layer, const Irradiance& E) const noexcept;
 
   const RayTracer& rays_;
   RecordSource& source_;
