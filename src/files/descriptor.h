@@ -21,8 +21,8 @@ class Descriptor {
   int get() const noexcept { return fd_; }
   explicit operator bool() const noexcept { return fd_ >= 0; }
 
-  /// Closes it now, if it is open. False, and errno, where that goes wrong: some file systems report a failed write only
-  /// here.
+  /// Closes it now, if it is open. False, and errno, where that goes wrong: some file systems report a failed write
+  /// only here.
   bool close() noexcept {
     const int fd = std::exchange(fd_, -1);
     return fd < 0 || ::close(fd) == 0;

@@ -117,8 +117,7 @@ void replace_file(const fs::path& file, const std::function<void(const Descripto
   std::error_code none;
   const fs::path target = fs::is_symlink(file, none) ? fs::weakly_canonical(file, none) : file;
   if (target.empty()) throw_output_error(file, none ? none.value() : ENOENT);
-  fs::path temporary = target;
-  temporary += ".tmp";
+  const fs::path temporary = target.parent_path() / fmt::format(".{}.icbench", target.filename().string());
   const Descriptor out = open_alone(temporary, O_WRONLY, file);
   try {
     if (ftruncate(out.get(), 0) != 0) throw_output_error(file, errno);  // what a kill left behind

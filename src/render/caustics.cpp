@@ -16,7 +16,7 @@
 namespace icbench {
 namespace {
 
-constexpr std::size_t kGrain = 256;
+constexpr std::size_t kGrain = 64;
 
 // Particles whose landing places, together, tell an irradiance: few, so that narrow caustics are not blurred.
 constexpr std::size_t kNearest = 8;

@@ -5,9 +5,9 @@
 // it. A record there that was valid across the caustic would put it out. So particles are sent from the lamps, those
 // that meet a specular surface first are followed to the first diffuse one, and where they land close together a record
 // of less light than they bring is valid up to there at most. Where a record is, they also stand for such light in what
-// decides its reach, instead of what its own rays find by chance: or luck would make the bright records small. They only
-// limit distances: what light a record has is what its own rays find, hence nothing is counted twice, and what the
-// particles miss costs accuracy, not light.
+// decides its reach, instead of what its own rays find by chance: or luck would make the bright records small. They
+// only limit distances: what light a record has is what its own rays find, hence nothing is counted twice, and what
+// the particles miss costs accuracy, not light.
 //
 // Scenes without specular surfaces send none. Costs with them: kParticles light paths whenever light changes, 32 bytes
 // for each that lands, two passes over these per record. Point lights send none, for no ray of a record meets them.

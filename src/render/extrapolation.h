@@ -32,7 +32,11 @@
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
 // distance is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
-// nothing has told the mean, E is the record's own.
+// nothing has told the mean, E is the record's own. Of light that comes straight from lamps by way of mirrors and glass
+// the Hessian knows nothing; particles tell where it is and how far a record may count beside it (render/caustics.h).
+//
+// Of Radiance's rules one is not kept: its largest radius is at most 64 times its least. Here that may be 100 times
+// (split sphere), or a fifth of D over 0.006 a D.
 //
 // The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
