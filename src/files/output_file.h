@@ -17,7 +17,7 @@ void write_file(const std::filesystem::path& path, std::string_view bytes);
 
 /// Replaces a regular file at once: at any moment a reader, or a crash, finds the old or the new content, whole.
 /// `write` fills a temporary file ".<file>.icbench" beside it, which is gone if anything fails; what a kill leaves is
-/// used by the next. Symbolic links are followed. Throws, too, if another process is at it.
+/// used by the next. Symbolic links that lead to a file are followed. Throws, too, if another process is at it.
 void replace_file(const std::filesystem::path& file, const std::function<void(const Descriptor&)>& write);
 
 /// Opens a file, or creates it, that nobody else has opened so: the lock goes with the descriptor. `flags` as of

@@ -58,7 +58,7 @@ void Caustics::land(const RayTracer& rays, Crew& crew, std::uint64_t seed) {
                [](const Landing& l) { return l.flux > 0.0f; });
 }
 
-// By the flux within the distance of the kNearest'th other one; 0 where there are not so many.
+// By the flux within the distance of the kNearest'th landing, one at p itself included; 0 where there are not so many.
 float Caustics::irradiance_at(const glm::vec3& p, const glm::vec3& n) const noexcept {
   struct Near {
     float square, flux;

@@ -117,12 +117,14 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     RecordDetail& detail = shapes_.details[record.id];
     w.smooth(w.seen);
     detail.gradients = gradients_of(w.seen, rays_.epsilon());
-    const Irradiance expected =
-        glm::max(g.E - w.seen.apart, 0.0f) + caustics_.irradiance_at(record.p, record.n);
-    record.R = is_elliptic(shaper.level())
-                   ? shaper.ellipse(record.p, w.seen, g.R, expected, detail,
-                                    caustics_.distance_to_brighter(record.p, record.n, luminance(expected)))
-                   : shaper.radius(record.p, g.R, g.E, detail.gradients);
+    if (is_elliptic(shaper.level())) {
+      const Irradiance expected =
+          glm::max(g.E - w.seen.apart, 0.0f) + caustics_.irradiance_at(record.p, record.n);
+      record.R = shaper.ellipse(record.p, w.seen, g.R, expected, detail,
+                                caustics_.distance_to_brighter(record.p, record.n, luminance(expected)));
+    } else {
+      record.R = shaper.radius(record.p, g.R, g.E, detail.gradients);
+    }
     restrain(detail.gradients, record.E, record.R);
   }
   if (shapes_.details.have_marks())
