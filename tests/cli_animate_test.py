@@ -6,14 +6,15 @@ import subprocess
 import time
 import unittest
 
-from cli_support import ICBENCH, PATIENCE, PRECIOUS, Case, arguments_of, small_render, with_effect
+from cli_support import ICBENCH, PATIENCE, PRECIOUS, SCENE, Case, arguments_of, small_render, with_effect
 
 PNG_END = b"IEND\xaeB\x60\x82"
 
 
 def small_animation(**changes):
     """Arguments of an animation that takes milliseconds a frame."""
-    return arguments_of("animate", {}, with_effect({"size": "16x16", "rays": 4, "vpls": 32, "frames": 3, **changes}))
+    return arguments_of("animate", {}, with_effect({"scene": SCENE, "size": "16x16", "rays": 4, "vpls": 32,
+                                                    "frames": 3, **changes}))
 
 
 class Animate(Case):

@@ -7,7 +7,7 @@ import resource
 import subprocess
 import unittest
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, small_capture, small_pareto, small_render,
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, SCENE, Case, small_capture, small_pareto, small_render,
                          small_repeatability, small_sweep)
 
 
@@ -146,9 +146,9 @@ class BadInput(Case):
                                 (["--load-cache", "damaged.cache"], "checksum"),
                                 (["--load-cache", "cut.cache"], "bytes where"),
                                 (["--load-cache", "a.exr"], "no file of a cache"),
-                                (["--load-cache", "room.cache", "--scene", "cornell_specular"],
-                                 "holds records of cornell_box, frame 0, not of cornell_specular"),
-                                (["--load-cache", "room.cache", "--frame", "1"], "not of cornell_box, frame 1"),
+                                (["--load-cache", "room.cache", "--scene", "wobble"],
+                                 f"holds records of {SCENE}, frame 0, not of wobble"),
+                                (["--load-cache", "room.cache", "--frame", "1"], f"not of {SCENE}, frame 1"),
                                 (["--load-cache", "room.cache", "--interpolation", "gradients"], "--load-cache"),
                                 (["--save-cache", "b.cache", "--leak-guard"], "--leak-guard"),
                                 (["--save-cache", "b.cache", "--integrator", "path"], "--save-cache"),
@@ -157,7 +157,8 @@ class BadInput(Case):
                                 (["--save-cache", "./render.exr"], "the file of --out too"),
                                 (["--save-cache", "nowhere/b.cache"], "nowhere")):
             with self.subTest(arguments):
-                self.refuse("render", "--size", "16x16", *arguments, says=[part])
+                scene = [] if "--scene" in arguments else ["--scene", SCENE]
+                self.refuse("render", "--size", "16x16", *scene, *arguments, says=[part])
         self.assertFalse((self.folder / "b.cache").exists())
 
     def test_files_that_would_be_lost(self):
@@ -179,7 +180,7 @@ class BadInput(Case):
                 self.refuse(*arguments, says=[said])
 
     def test_frames_of_another_animation(self):
-        short = ["animate", "--size", "8x8", "--rays", "1", "--every", "50", "--out", "frames"]
+        short = ["animate", "--scene", SCENE, "--size", "8x8", "--rays", "1", "--every", "50", "--out", "frames"]
         self.succeed(*short, "--frames", "2")
         self.succeed(*short, "--frames", "2")
         before = self.contents()
@@ -310,7 +311,7 @@ class BadInput(Case):
     @unittest.skipIf(SANITIZED, "sanitizers need their terabytes of address space")
     def test_too_little_memory(self):
         limit = 600 << 20
-        for arguments in (small_sweep(workloads="cornell_box:size=16384x16384", out="a.json"),
+        for arguments in (small_sweep(workloads=f"{SCENE}:size=16384x16384", out="a.json"),
                           small_sweep(workloads="miss_driven:operations=200000000", out="a.json"),
                           small_sweep(threads=8192, out="a.json"),
                           small_render(size="16384x16384", out="a.exr"),

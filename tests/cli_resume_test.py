@@ -14,8 +14,8 @@ import subprocess
 import time
 import unittest
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, Case, key_of, small_pareto, small_repeatability,
-                         small_sweep)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, SCENE, Case, key_of, small_pareto,
+                         small_repeatability, small_sweep)
 
 KILLS = int(os.environ.get("ICBENCH_KILLS", 12))
 
@@ -25,7 +25,7 @@ class SweepFiles(Case):
 
     def test_seed_fixes_the_results_of_one_thread(self):
         def results(seed, name):
-            workloads = "miss_driven:cost=0:operations=1000,cornell_box:rays=4:size=16x16"
+            workloads = f"miss_driven:cost=0:operations=1000,{SCENE}:rays=4:size=16x16"
             self.succeed(*small_sweep(caches="sequential,wait_free", workloads=workloads, repetitions=2,
                                       **{"reference-spp": 2}, seed=seed, out=name))
             fields = ["queries", "hits", "inserts", "records", "rays", "rmse", "relmse", "mean_ratio"]
@@ -36,7 +36,7 @@ class SweepFiles(Case):
         self.assertEqual(first, second)
         self.assertEqual(first.keys(), other.keys())
         self.assertNotEqual(first, other)
-        picture = "sweep/cornell_box:rays=4:size=16x16/wait_free/threads:1"
+        picture = f"sweep/{SCENE}:rays=4:size=16x16/wait_free/threads:1"
         self.assertNotEqual(first[picture, 0], other[picture, 0])
         self.assertNotEqual(first[picture, 0], first[picture, 1], "repetitions are to be independent")
 

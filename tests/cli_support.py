@@ -18,6 +18,7 @@ ICBENCH = os.environ.get("ICBENCH", Path(__file__).parent.parent / "build/releas
 SANITIZED = bool(os.environ.get("ICBENCH_SANITIZE"))
 PATIENCE = 120  # seconds
 PRECIOUS = "not to be touched\n"
+SCENE = "desk"  # of small pictures: it moves, has indirect light, and is built in no time
 
 
 def key_of(row):
@@ -40,7 +41,7 @@ def with_effect(options):
 
 def small_render(**changes):
     """Arguments of a picture that takes milliseconds; `out="a.png"` stands for --out a.png."""
-    return arguments_of("render", {}, with_effect({"size": "16x16", "spp": 1, "rays": 4, **changes}))
+    return arguments_of("render", {}, with_effect({"scene": SCENE, "size": "16x16", "spp": 1, "rays": 4, **changes}))
 
 
 def small_sweep(**changes):
@@ -51,19 +52,20 @@ def small_sweep(**changes):
 
 def small_pareto(**changes):
     """Arguments of a comparison of two methods on a few pixels."""
-    return arguments_of("pareto", {"size": "24x24", "methods": "path,hash_cells", "grid": "coarse",
+    return arguments_of("pareto", {"scene": SCENE, "size": "24x24", "methods": "path,hash_cells", "grid": "coarse",
                                    "repetitions": 1, "reference-spp": 4}, changes)
 
 
 def small_repeatability(**changes):
     """Arguments of a few small pictures by one cache."""
-    return arguments_of("repeatability", {"caches": "wait_free", "threads": "1,3", "size": "24x24", "rays": 4,
-                                          "repetitions": 2, "reference-spp": 4}, changes)
+    return arguments_of("repeatability", {"scene": SCENE, "caches": "wait_free", "threads": "1,3", "size": "24x24",
+                                          "rays": 4, "repetitions": 2, "reference-spp": 4}, changes)
 
 
 def small_capture(**changes):
     """Arguments of a trace of a small picture."""
-    return ["trace", *arguments_of("capture", {}, with_effect({"size": "48x32", "rays": 4, "threads": 1, **changes}))]
+    return ["trace", *arguments_of("capture", {}, with_effect({"scene": SCENE, "size": "48x32", "rays": 4,
+                                                                "threads": 1, **changes}))]
 
 
 class Case(unittest.TestCase):

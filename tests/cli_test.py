@@ -11,8 +11,8 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from cli_support import (ICBENCH, PATIENCE, PRECIOUS, Case, key_of, small_pareto, small_render, small_repeatability,
-                         write_white_png)
+from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SCENE, Case, key_of, small_pareto, small_render,
+                         small_repeatability, write_white_png)
 
 # A room for Radiance's readers, with the light of its lamp to be filled in.
 ROOM = """# view -vp 2 .2 1.5 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 60
@@ -35,9 +35,9 @@ class Sweep(Case):
     THREADS = [1, 2, 8]
     SYNTHETIC = ["read_only:records=2000:operations=2000", "insert_only:records=2000",
                  "mix_90_10:records=2000:operations=2000", "miss_driven:cost=0:operations=2000"]
-    RAY_TRACED = "cornell_box:rays=4:size=32x32"
-    PATH = "cornell_box:integrator=path:spp=1:size=32x32"
-    CELLS = "cornell_box:integrator=hash_cells:spp=1:size=32x32"
+    RAY_TRACED = SCENE + ":rays=4:size=32x32"
+    PATH = SCENE + ":integrator=path:spp=1:size=32x32"
+    CELLS = SCENE + ":integrator=hash_cells:spp=1:size=32x32"
     REPETITIONS = 2
     PERCENTILES = ["p10", "p25", "p50", "p75", "p90", "p95", "p99", "p999", "max"]
 
@@ -190,7 +190,7 @@ class Render(Case):
             self.succeed(*small_render(threads=2, out=name, json="a.json"))
             self.assertEqual((self.folder / name).read_bytes()[:4], magic)
         cost = self.load("a.json")
-        asked = {"scene": "cornell_box", "integrator": "irradiance_cache", "cache": "wait_free", "threads": 2,
+        asked = {"scene": SCENE, "integrator": "irradiance_cache", "cache": "wait_free", "threads": 2,
                  "width": 16, "height": 16, "spp": 1}
         self.assertEqual({key: cost[key] for key in asked}, asked)
         self.assertGreater(cost["seconds"], 0)
@@ -451,8 +451,8 @@ class Pareto(Case):
         names = {row["name"] for row in self.rows}
         self.assertEqual(len(names), self.SETTINGS)
         self.assertEqual(len(self.rows), 3 * self.SETTINGS)
-        self.assertIn("pareto/cornell_box/hash_cells/cell_size:8/spp:16", names)
-        self.assertIn("pareto/cornell_box/instant_caching/accuracy:0.1/vpls:64", names)
+        self.assertIn(f"pareto/{SCENE}/hash_cells/cell_size:8/spp:16", names)
+        self.assertIn(f"pareto/{SCENE}/instant_caching/accuracy:0.1/vpls:64", names)
 
     def test_fields_of_every_entry(self):
         always = {"scene", "method", "integrator", "cache", "width", "height", "frame", "seed", "seconds",
@@ -470,7 +470,7 @@ class Pareto(Case):
             self.assertLessEqual(fields, row.keys(), row["name"])
             parameters = "/".join(f"{part.split(':')[0]}:{row[part.split(':')[0]]}"
                                   for part in row["name"].split("/")[3:])
-            self.assertEqual(row["name"], f"pareto/cornell_box/{row['method']}/{parameters}")
+            self.assertEqual(row["name"], f"pareto/{SCENE}/{row['method']}/{parameters}")
             self.assertGreater(row["seconds"], row["seconds_indirect"])
             self.assertEqual(row["below_reference"], row["relmse"] < 2 * row["reference_relmse"])
             self.assertGreater(row["rmse_irradiance"], math.pi * row["rmse"])  # no surface reflects all light
@@ -493,7 +493,7 @@ class Pareto(Case):
         for few, many in (("path/spp:1", "path/spp:64"), ("hash_cells/cell_size:8/spp:1", "path/spp:64"),
                           ("path/spp:1", "hash_cells/cell_size:8/spp:1")):
             error = self.medians("rmse")
-            self.assertLess(error[f"pareto/cornell_box/{many}"], error[f"pareto/cornell_box/{few}"])
+            self.assertLess(error[f"pareto/{SCENE}/{many}"], error[f"pareto/{SCENE}/{few}"])
         for row in self.of("path"):
             if row["spp"] >= 64:
                 self.assertAlmostEqual(row["mean_ratio"], 1, delta=0.1)
@@ -520,13 +520,13 @@ class Pareto(Case):
         self.assertGreater(self.shots["reference.png"], 0)
         self.assertEqual([budget["spp"] for budget in self.index["budgets"]], [16, 64])
         for budget in self.index["budgets"]:
-            limit = seconds[f"pareto/cornell_box/path/spp:{int(budget['spp'])}"]
+            limit = seconds[f"pareto/{SCENE}/path/spp:{int(budget['spp'])}"]
             self.assertEqual(sorted(p["method"] for p in budget["pictures"]), sorted(self.METHODS))
             for picture in budget["pictures"]:
                 mine = [error[n] for n, s in seconds.items() if f"/{picture['method']}/" in n and s <= limit]
                 self.assertEqual("image" in picture, bool(mine))
                 if mine:
-                    chosen = f"pareto/cornell_box/{picture['method']}/{picture['setting']}"
+                    chosen = f"pareto/{SCENE}/{picture['method']}/{picture['setting']}"
                     self.assertEqual(error[chosen], min(mine))
                     self.assertLessEqual(seconds[chosen], limit)
                     self.assertGreater(min(self.shots[picture["image"]], self.shots[picture["map"]]), 0)
@@ -588,7 +588,7 @@ class Repeatability(Case):
         expected = set()
         for name, cache in self.caches.items():
             for threads in (1,) if cache["single_thread"] else (1, 3):
-                expected |= {(f"repeatability/cornell_box/irradiance_cache/{name}/threads:{threads}", i)
+                expected |= {(f"repeatability/{SCENE}/irradiance_cache/{name}/threads:{threads}", i)
                              for i in range(3)}
             self.assertEqual(f"note: {name} serves one thread" in self.said, cache["single_thread"], name)
         self.assertEqual(sorted(map(key_of, self.rows)), sorted(expected))

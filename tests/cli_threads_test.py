@@ -6,7 +6,7 @@ import json
 import os
 import unittest
 
-from cli_support import Case, arguments_of, small_capture, small_render, small_sweep
+from cli_support import SCENE, Case, arguments_of, small_capture, small_render, small_sweep
 
 
 class Trace(Case):
@@ -40,12 +40,12 @@ class Trace(Case):
     def test_tells_what_a_trace_holds(self):
         self.succeed(*small_capture(out="a.trace", json="a.json", threads=2))
         asked = self.load("a.json")
-        self.assertIn("cornell_box by irradiance_cache, 48x32 at 1 spp",
+        self.assertIn(f"{SCENE} by irradiance_cache, 48x32 at 1 spp",
                       self.succeed("trace", "info", "a.trace", "--json", "info.json"))
         told = self.load("info.json")
         self.assertEqual({key: told[key] for key in ("scene", "integrator", "cache", "threads", "width", "height",
                                                      "spp", "seed", "rays_per_record")},
-                         {"scene": "cornell_box", "integrator": "irradiance_cache", "cache": "wait_free",
+                         {"scene": SCENE, "integrator": "irradiance_cache", "cache": "wait_free",
                           "threads": 2, "width": 48, "height": 32, "spp": 1, "seed": 1, "rays_per_record": 4})
         self.assertEqual((told["queries"], told["hits"]), (asked["frames"][0]["queries"], asked["frames"][0]["hits"]))
         self.assertEqual(told["records_made"], asked["frames"][0]["records"])
@@ -64,7 +64,7 @@ class Trace(Case):
         self.assertEqual(sorted((row["cache"], row["threads"]) for row in rows),
                          [(cache, threads) for cache in ("local_write", "null", "wait_free") for threads in (1, 3)])
         for row in rows:
-            self.assertEqual(row["scene"], "cornell_box")
+            self.assertEqual(row["scene"], SCENE)
             if row["cache"] != "null":
                 self.assertEqual(row["inserts"], row["queries"] - row["hits"])
             if row["threads"] == 1:
@@ -86,8 +86,8 @@ class Time(Case):
     def test_parts_of_every_row_are_shares_and_the_rest_is_what_they_leave(self):
         self.succeed(*small_capture(out="a.trace"))
         self.succeed("sweep", "--workloads", "miss_driven:operations=2000,insert_only:records=500,"
-                     "cornell_box:rays=4:size=32x32,cornell_box:integrator=path:spp=1:size=32x32,"
-                     "cornell_box:integrator=hash_cells:spp=1:size=32x32,"
+                     f"{SCENE}:rays=4:size=32x32,{SCENE}:integrator=path:spp=1:size=32x32,"
+                     f"{SCENE}:integrator=hash_cells:spp=1:size=32x32,"
                      "trace:file=a.trace:scale=0", "--caches", "null,packed_global_mutex,packed_local_write",
                      "--threads", "1,8", "--repetitions", "1", "--reference-spp", "2", "--breakdown", "--out", "out.json")
         results = self.load("out.json")
@@ -125,7 +125,7 @@ class Time(Case):
 
     def test_a_timeline_is_a_trace_event_file(self):
         for workload, events in (("miss_driven:operations=3000", 200), ("miss_driven:operations=3000", 100_000),
-                                 ("cornell_box:rays=4:spp=1:size=32x32", 100_000)):
+                                 (f"{SCENE}:rays=4:spp=1:size=32x32", 100_000)):
             self.succeed(*small_sweep(caches="packed_global_mutex", workloads=workload, threads=3,
                                       timeline="timeline.json", out="out.json"), "--timeline-events", events,
                          "--reference-spp", "2")

@@ -2,73 +2,144 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <glm/common.hpp>
+#include <glm/ext/vector_int3.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
+#include <limits>
 #include <utility>
 #include <vector>
 
 namespace icbench {
 namespace {
 
-struct Grid {
-  glm::vec3 origin;
-  float cell;
-  glm::ivec3 corners;
+// Corners of the cells, a float of f at each, evaluated when it is first asked for.
+class Grid {
+ public:
+  Grid(const SolidFunction& f, const Bounds& bounds, float cell)
+      : f_(f),
+        origin_(bounds.lower - glm::vec3(cell)),
+        cell_(cell),
+        corners_(glm::ivec3(glm::ceil((bounds.upper - bounds.lower) / cell)) + glm::ivec3(4)),
+        values_(static_cast<std::size_t>(corners_.x) * corners_.y * corners_.z,
+                std::numeric_limits<float>::quiet_NaN()) {}
 
-  std::size_t index(int x, int y, int z) const {
-    return (static_cast<std::size_t>(z) * corners.y + y) * corners.x + x;
+  const glm::ivec3& corners() const { return corners_; }
+  std::size_t size() const { return values_.size(); }
+  std::size_t index(const glm::ivec3& c) const {
+    return (static_cast<std::size_t>(c.z) * corners_.y + c.y) * corners_.x + c.x;
   }
-  glm::vec3 position(int x, int y, int z) const { return origin + cell * glm::vec3(x, y, z); }
+  glm::ivec3 corner(std::size_t index) const {
+    const auto i = static_cast<int>(index);
+    return {i % corners_.x, i / corners_.x % corners_.y, i / corners_.x / corners_.y};
+  }
+  glm::vec3 position(const glm::ivec3& c) const { return origin_ + cell_ * glm::vec3(c); }
+  float value(const glm::ivec3& c) {
+    float& v = values_[index(c)];
+    if (std::isnan(v)) v = f_(position(c));
+    return v;
+  }
+  bool is_inside(const glm::ivec3& c) { return value(c) < 0.0f; }
+
+ private:
+  const SolidFunction& f_;
+  glm::vec3 origin_;
+  float cell_;
+  glm::ivec3 corners_;
+  std::vector<float> values_;
 };
 
 constexpr std::uint32_t kNoVertex = ~0u;
+constexpr int kStride = 4;  // cells from one corner that is looked at in search of a part to the next
+
+glm::ivec3 along(int axis) {
+  glm::ivec3 step(0);
+  step[axis] = 1;
+  return step;
+}
 
 glm::vec3 gradient(const SolidFunction& f, const glm::vec3& p, float h) {
   const glm::vec3 x(h, 0, 0), y(0, h, 0), z(0, 0, h);
   return glm::vec3(f(p + x) - f(p - x), f(p + y) - f(p - y), f(p + z) - f(p - z)) / (2.0f * h);
 }
 
-// Mean of the points where the surface crosses the twelve edges of a cell; false if it crosses none.
-bool cell_vertex(const Grid& g, const std::vector<float>& values, int x, int y, int z, glm::vec3& out) {
+/// The cells, named by their lowest corners, that the surface crosses, in the order of their indices: every part of it
+/// is followed from cell to cell from where it is met on lines kStride cells apart.
+std::vector<std::size_t> crossed_cells(Grid& g) {
+  const glm::ivec3 end = g.corners() - 1;  // of cells
+  std::vector<bool> seen(g.size());
+  std::vector<std::size_t> cells;  // those behind `next` are to be followed
+  const auto add = [&](const glm::ivec3& c) {
+    if (glm::any(glm::lessThan(c, glm::ivec3(0))) || glm::any(glm::greaterThanEqual(c, end))) return;
+    const std::size_t i = g.index(c);
+    if (seen[i]) return;
+    seen[i] = true;
+    cells.push_back(i);
+  };
+  glm::ivec3 c;
+  for (c.z = 0; c.z < end.z; c.z += kStride)
+    for (c.y = 0; c.y < end.y; c.y += kStride)
+      for (c.x = 0; c.x < end.x; c.x += kStride)
+        for (int axis = 0; axis < 3; ++axis) {
+          const glm::ivec3 step = along(axis);
+          const int steps = std::min(kStride, end[axis] - c[axis]);
+          if (g.is_inside(c) == g.is_inside(c + steps * step)) continue;
+          for (int i = 0; i < steps; ++i)
+            if (g.is_inside(c + i * step) != g.is_inside(c + (i + 1) * step)) add(c + i * step);
+        }
+  for (std::size_t next = 0; next < cells.size(); ++next) {
+    const glm::ivec3 at = g.corner(cells[next]);
+    for (int axis = 0; axis < 3; ++axis) {
+      const glm::ivec3 out = along(axis), u = along((axis + 1) % 3), v = along((axis + 2) % 3);
+      for (const int side : {0, 1}) {
+        const glm::ivec3 face = at + side * out;
+        const bool inside = g.is_inside(face);
+        if (inside == g.is_inside(face + u) && inside == g.is_inside(face + v) &&
+            inside == g.is_inside(face + u + v))
+          continue;
+        add(side == 0 ? at - out : at + out);
+      }
+    }
+  }
+  std::sort(cells.begin(), cells.end());
+  return cells;
+}
+
+// Mean of the points where the surface crosses the twelve edges of a cell; it crosses one at least.
+glm::vec3 cell_vertex(Grid& g, const glm::ivec3& cell) {
   glm::vec3 sum(0.0f);
   int crossings = 0;
   for (int axis = 0; axis < 3; ++axis)
     for (int e = 0; e < 4; ++e) {
-      glm::ivec3 a(x, y, z);
-      a[(axis + 1) % 3] += e & 1;
-      a[(axis + 2) % 3] += e >> 1;
-      glm::ivec3 b = a;
-      b[axis] += 1;
-      const float fa = values[g.index(a.x, a.y, a.z)], fb = values[g.index(b.x, b.y, b.z)];
+      const glm::ivec3 a = cell + (e & 1) * along((axis + 1) % 3) + (e >> 1) * along((axis + 2) % 3);
+      const glm::ivec3 b = a + along(axis);
+      const float fa = g.value(a), fb = g.value(b);
       if ((fa < 0.0f) == (fb < 0.0f)) continue;
-      sum += glm::mix(g.position(a.x, a.y, a.z), g.position(b.x, b.y, b.z), fa / (fa - fb));
+      sum += glm::mix(g.position(a), g.position(b), fa / (fa - fb));
       ++crossings;
     }
-  if (crossings == 0) return false;
-  out = sum / static_cast<float>(crossings);
-  return true;
+  return sum / static_cast<float>(crossings);
 }
 
-// One quad for every grid edge the surface crosses, between the four cells around that edge.
-void connect(const Grid& g, const std::vector<float>& values, const std::vector<std::uint32_t>& vertex,
+// One quad for every edge the surface crosses, between the four cells around it; it is the lowest cell's.
+void connect(Grid& g, const std::vector<std::size_t>& cells, const std::vector<std::uint32_t>& vertex,
              Mesh& mesh) {
-  for (int z = 1; z + 1 < g.corners.z; ++z)
-    for (int y = 1; y + 1 < g.corners.y; ++y)
-      for (int x = 1; x + 1 < g.corners.x; ++x)
-        for (int axis = 0; axis < 3; ++axis) {
-          glm::ivec3 step(0), u(0), v(0);
-          step[axis] = 1;
-          u[(axis + 1) % 3] = 1;
-          v[(axis + 2) % 3] = 1;
-          const bool inside = values[g.index(x, y, z)] < 0.0f;
-          if (inside == (values[g.index(x + step.x, y + step.y, z + step.z)] < 0.0f)) continue;
-          const auto at = [&](const glm::ivec3& back) {
-            return vertex[g.index(x - back.x, y - back.y, z - back.z)];
-          };
-          std::uint32_t q[4] = {at(u + v), at(v), at(glm::ivec3(0)), at(u)};
-          if (!inside) std::swap(q[1], q[3]);
-          mesh.triangles.emplace_back(q[0], q[1], q[2]);
-          mesh.triangles.emplace_back(q[0], q[2], q[3]);
-        }
+  for (const std::size_t cell : cells) {
+    const glm::ivec3 c = g.corner(cell);
+    if (glm::any(glm::equal(c, glm::ivec3(0)))) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      const glm::ivec3 u = along((axis + 1) % 3), v = along((axis + 2) % 3);
+      const bool inside = g.is_inside(c);
+      if (inside == g.is_inside(c + along(axis))) continue;
+      const auto at = [&](const glm::ivec3& back) { return vertex[g.index(c - back)]; };
+      std::uint32_t q[4] = {at(u + v), at(v), at(glm::ivec3(0)), at(u)};
+      if (!inside) std::swap(q[1], q[3]);
+      mesh.triangles.emplace_back(q[0], q[1], q[2]);
+      mesh.triangles.emplace_back(q[0], q[2], q[3]);
+    }
+  }
 }
 
 }  // namespace
@@ -93,25 +164,14 @@ float smooth_union(float a, float b, float k) noexcept {
 
 Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bounds, float cell,
                    std::uint32_t material) {
-  const glm::vec3 size = bounds.upper - bounds.lower;
-  const Grid g{bounds.lower - glm::vec3(cell), cell, glm::ivec3(glm::ceil(size / cell)) + glm::ivec3(4)};
-  const std::size_t corners = static_cast<std::size_t>(g.corners.x) * g.corners.y * g.corners.z;
-
-  std::vector<float> values(corners);
-  for (int z = 0; z < g.corners.z; ++z)
-    for (int y = 0; y < g.corners.y; ++y)
-      for (int x = 0; x < g.corners.x; ++x) values[g.index(x, y, z)] = f(g.position(x, y, z));
-
+  Grid g(f, bounds, cell);
+  const std::vector<std::size_t> cells = crossed_cells(g);
   Mesh mesh{std::move(name), {}, {}, {}, material};
-  std::vector<std::uint32_t> vertex(corners, kNoVertex);
-  glm::vec3 p;
-  for (int z = 0; z + 1 < g.corners.z; ++z)
-    for (int y = 0; y + 1 < g.corners.y; ++y)
-      for (int x = 0; x + 1 < g.corners.x; ++x)
-        if (cell_vertex(g, values, x, y, z, p)) {
-          vertex[g.index(x, y, z)] = static_cast<std::uint32_t>(mesh.positions.size());
-          mesh.positions.push_back(p);
-        }
+  std::vector<std::uint32_t> vertex(g.size(), kNoVertex);
+  for (const std::size_t i : cells) {
+    vertex[i] = static_cast<std::uint32_t>(mesh.positions.size());
+    mesh.positions.push_back(cell_vertex(g, g.corner(i)));
+  }
   for (glm::vec3& at : mesh.positions) {
     const glm::vec3 slope = gradient(f, at, 0.5f * cell);
     const float squared = glm::dot(slope, slope);
@@ -120,7 +180,7 @@ Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bound
     const glm::vec3 step = f(at) / squared * slope;
     if (glm::dot(step, step) < cell * cell) at -= step;  // further off means the gradient is no guide here
   }
-  connect(g, values, vertex, mesh);
+  connect(g, cells, vertex, mesh);
   return mesh;
 }
 

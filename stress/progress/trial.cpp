@@ -8,7 +8,7 @@ namespace icbench::stress {
 
 namespace {
 
-constexpr std::uint32_t kCapacity = 1 << 16;
+constexpr std::uint32_t kCapacity = 1 << 10;
 // Of a pool made short: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left
 // is less than a piece and, by the choice of the capacity, enough for two deep inserts into Ward's tree.
 constexpr std::uint32_t kShortCapacity = 8 * kTicketBatch + 1, kHoarders = 10, kLargestHoard = 1 << 15;
