@@ -71,9 +71,12 @@ class ProgressCheck {
   }
 
   /// On whose stage come the first `fibers`: no more sessions are set up than those need.
-  Trial make_trial(const Setting& setting, unsigned fibers) {
-    if (setting.is_pool_short) fibers = kFibers;  // for which its room was reckoned
-    return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, setting.is_pool_short);
+  Trial make_trial(const Setting& setting, unsigned fibers, Pool pool = Pool::usual) {
+    if (setting.is_pool_short) {
+      fibers = kFibers;  // for which its room was reckoned
+      pool = Pool::scarce;
+    }
+    return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, pool);
   }
   std::uint32_t sessions(unsigned fibers) const noexcept { return is_alone_ ? 1 : fibers + 1; }
   void start(Trial& trial, unsigned fiber, const Request& request) {
@@ -240,7 +243,7 @@ class ProgressCheck {
   /// it has done `n` in all. Returns the victim's steps.
   std::uint64_t interfere(const Setting& setting, bool is_mixed, std::uint32_t each, std::uint64_t first,
                           std::uint32_t n) {
-    Trial trial = make_trial(setting, kOther + 1);
+    Trial trial = make_trial(setting, kOther + 1, n > kShortInterference ? Pool::large : Pool::usual);
     const std::uint32_t kind = setting.victim.type == Type::insert ? setting.victim.where : 0;
     start(trial, kVictim, setting.victim);
     trial.start(kOther, n, [=](std::uint32_t i) {
@@ -270,7 +273,7 @@ class ProgressCheck {
     std::uint64_t round = 0;
     const auto make = [&](std::uint32_t operations) {
       auto trial = std::make_unique<Trial>(stage_, subject_, landscape_, sessions(kFibers),
-                                           round % 2 == 0 ? none : some, false);
+                                           round % 2 == 0 ? none : some, Pool::usual);
       for (unsigned f = 0; f < kFibers; ++f) {
         trial->start(
             f, operations, [random = Pcg32(hash_keys(options_.seed, round, f))](std::uint32_t) mutable {

@@ -8,14 +8,14 @@ namespace icbench::stress {
 
 namespace {
 
-constexpr std::uint32_t kCapacity = 1 << 10;
-// Of a pool made short: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left
+constexpr std::uint32_t kUsualCapacity = 1 << 13, kLargeCapacity = 1 << 16;
+// Of a scarce pool: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left
 // is less than a piece and, by the choice of the capacity, enough for two deep inserts into Ward's tree.
-constexpr std::uint32_t kShortCapacity = 8 * kTicketBatch + 1, kHoarders = 10, kLargestHoard = 1 << 15;
+constexpr std::uint32_t kScarceCapacity = 8 * kTicketBatch + 1, kHoarders = 10, kLargestHoard = 1 << 15;
 
-CacheConfig config_for(std::uint32_t sessions, bool is_pool_short) {
-  if (is_pool_short) return {.capacity = kShortCapacity, .max_sessions = sessions + kHoarders};
-  return {.capacity = kCapacity, .max_sessions = sessions};
+CacheConfig config_for(std::uint32_t sessions, Pool pool) {
+  if (pool == Pool::scarce) return {.capacity = kScarceCapacity, .max_sessions = sessions + kHoarders};
+  return {.capacity = pool == Pool::large ? kLargeCapacity : kUsualCapacity, .max_sessions = sessions};
 }
 
 }  // namespace
@@ -40,11 +40,11 @@ void StepTally::add(const StepTally& other) {
 }
 
 Trial::Trial(Stage& stage, const ProgressSubject& subject, const Landscape& landscape, std::uint32_t sessions,
-             const std::vector<Prefill>& prefill, bool is_pool_short)
+             const std::vector<Prefill>& prefill, Pool pool)
     : stage_(stage),
       landscape_(landscape),
       consistency_(subject.traits.consistency),
-      cache_(subject.make(config_for(sessions, is_pool_short))),
+      cache_(subject.make(config_for(sessions, pool))),
       logs_(sessions) {
   stage_.clear();
   history_.validity = &landscape_.validity();
@@ -55,7 +55,7 @@ Trial::Trial(Stage& stage, const ProgressSubject& subject, const Landscape& land
     cache_->end_frame();
     close_epoch();
   }
-  for (std::uint32_t i = 0; is_pool_short && i < kHoarders; ++i)
+  for (std::uint32_t i = 0; pool == Pool::scarce && i < kHoarders; ++i)
     cache_->prefault(sessions + i, kLargestHoard >> i);
 }
 
