@@ -126,6 +126,7 @@ class BadInput(Case):
         for integrator in "instant_caching", "temporal_instant_caching":
             self.refuse("render", "--integrator", integrator, "--leak-guard",
                         says=["--leak-guard", integrator, "irradiance_cache"])
+        self.refuse("render", "--leak-guard", "--no-leak-guard", says=["--leak-guard", "excludes", "--no-leak-guard"])
 
     def test_residuals_that_cannot_be_kept(self):
         for arguments, part in ((["--unbiased"], "--unbiased needs --residual"),

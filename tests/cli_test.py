@@ -329,13 +329,23 @@ class Render(Case):
                 ("instant_gi", ["--vpls", "4", "--rays", "4"], "--rays has"),
                 ("instant_caching", ["--vpls", "4", "--paths", "2", "--accuracy", "0.2"], "--paths has"),
                 ("irradiance_cache", ["--rays", "4", "--leak-guard", "--vpls", "4"], "--vpls has"),
-                ("hash_cells", ["--paths", "2", "--cell-size", "4", "--cache", "wait_free"], "--cache has"),
+                ("hash_cells", ["--paths", "2", "--cell-size", "4", "--no-leak-guard"], "--no-leak-guard has"),
                 ("whitted", [], None)):
             with self.subTest(integrator, given=given):
                 done = self.run_icbench("render", "--integrator", integrator, *small, *given)
                 self.assertEqual(done.returncode, 0)
                 self.assertEqual([line for line in done.stderr.splitlines() if "effect" in line],
                                  [f"icbench: {said} no effect on {integrator}"] if said else [])
+
+    def test_leaks_are_guarded_against_where_records_overlap_unless_told_otherwise(self):
+        for level, given, guarded in (("gradients", [], False), ("gradients", ["--leak-guard"], True),
+                                      ("split_sphere", [], False), ("geometric_hessian", [], True),
+                                      ("occlusion_hessian", [], True), ("occlusion_hessian", ["--no-leak-guard"], False)):
+            with self.subTest(level, given=given):
+                self.succeed(*small_render(size="32x32", rays=64, interpolation=level, json="a.json"), *given)
+                cost = self.load("a.json")
+                self.assertIs(cost["leak_guard"], guarded)
+                self.assertEqual(cost["leak_tests"] > 0, guarded)
 
     def test_overwrites_its_own_pictures(self):
         (self.folder / "a.png").write_text(PRECIOUS)

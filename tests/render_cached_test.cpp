@@ -225,7 +225,8 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
     RecordShapes shapes{RecordShaper(level, kA, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
                         RecordDetails(1, 1)};
     const std::uint32_t id = shapes.details.draft(0);
-    shapes.details[id] = {.gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f};
+    shapes.details[id] = {
+        .gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f, .marks = {}};
     const Record r{glm::vec3(0.0f), {0, 0, 1}, 1.0f / kA, glm::vec3(3.0f), id};
     const auto error_at = [&](const glm::vec3& p, const glm::vec3& n) {
       return Extrapolator(shapes, {p, n}).error_of(r);
@@ -255,7 +256,7 @@ TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
     const std::uint32_t id = shapes.details.draft(0);
     shapes.details.keep(0);
     shapes.details[id] = {
-        .gradients = {}, .major = {1, 0, 0}, .inverse_major = 10.0f, .inverse_minor = 10.0f};
+        .gradients = {}, .major = {1, 0, 0}, .inverse_major = 10.0f, .inverse_minor = 10.0f, .marks = {}};
     return Record{{x, 0, 0}, {0, 0, 1}, 1.0f, glm::vec3(E), id};
   };
   const Record left = record_at(0.0f, 1.0f), right = record_at(0.25f, 2.0f);

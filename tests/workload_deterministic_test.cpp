@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <tuple>
@@ -31,7 +32,8 @@ struct Wish {
   unsigned threads = 1;
   int width = 32, height = 24;
   std::uint32_t frames = 1;
-  bool deterministic = true, overture = false, leak_guard = false;
+  bool deterministic = true, overture = false;
+  std::optional<bool> leak_guard{};
   TileOrder tiles = TileOrder::morton;
 };
 

@@ -39,6 +39,7 @@ constexpr ParticularOption kParticularOptions[] = {{"--cache", uses_cache},
                                                    {"--overture", uses_cache},
                                                    {"--rays", gathers_hemispheres},
                                                    {"--leak-guard", gathers_hemispheres},
+                                                   {"--no-leak-guard", gathers_hemispheres},
                                                    {"--vpls", uses_vpls},
                                                    {"--cell-size", uses_cells},
                                                    {"--paths", uses_cells}};
@@ -82,8 +83,13 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_text("--interpolation", o.interpolation,
            "How records are interpolated; see icbench list interpolations")
       ->type_name("NAME");
-  app->add_flag("--leak-guard", o.leak_guard,
-                "irradiance_cache: test by short rays that no thin wall stands\nbefore a record");
+  CLI::Option* guard = app->add_flag_callback(
+      "--leak-guard", [&o] { o.leak_guard = true; },
+      "irradiance_cache: test by short rays that no thin wall stands\nbefore a record; so it is at levels "
+      "with ellipses");
+  app->add_flag_callback(
+         "--no-leak-guard", [&o] { o.leak_guard = false; }, "irradiance_cache: never test that")
+      ->excludes(guard);
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
@@ -108,7 +114,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     throw std::runtime_error(fmt::format("--interpolation {}: {} knows {}", o.interpolation, o.integrator,
                                          fmt::join(known, " and ")));
   }
-  if (o.leak_guard && integrator.uses_vpls && integrator.needs_cache())
+  if (o.leak_guard.value_or(false) && integrator.uses_vpls && integrator.needs_cache())
     throw std::runtime_error(
         fmt::format("--leak-guard: {} gathers no hemisphere; irradiance_cache does", o.integrator));
   const auto [width, height] = parse_size(o.size);
@@ -165,7 +171,7 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["vpls"] = r.vpls;
   } else if (r.integrator.needs_cache()) {
     j["rays_per_record"] = r.gather;
-    j["leak_guard"] = r.leak_guard;
+    j["leak_guard"] = guards_against_leaks(r);
   }
   return j;
 }

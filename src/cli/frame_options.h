@@ -23,7 +23,7 @@ struct FrameOptions {
   float accuracy = 0.2f, exposure = 1.0f;
   std::uint64_t seed = 1;
   bool deterministic = false, overture = false;
-  bool leak_guard = false;
+  std::optional<bool> leak_guard;
   const CLI::App* given_to = nullptr;  ///< the subcommand that was given them; null: none was
 };
 

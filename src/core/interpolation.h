@@ -108,6 +108,9 @@ class MeanIrradiance {
   /// For code that adds many at once.
   WeightedSums& sums() noexcept { return sums_; }
 
+  /// Of all that was added together.
+  double weight() const noexcept { return sums_[3]; }
+
   /// nullopt exactly when nothing was added.
   std::optional<Irradiance> result() const noexcept {
     if (!(sums_[3] > 0.0)) return std::nullopt;

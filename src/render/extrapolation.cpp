@@ -80,7 +80,6 @@ std::uint32_t RecordDetails::draft(unsigned thread) {
     const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
     if (b >= blocks_.size()) return kNone;
     if (!blocks_[b]) blocks_[b] = std::make_unique<RecordDetail[]>(kBlock);
-    if (have_marks() && !marks_[b]) marks_[b] = std::make_unique<LeakMarks[]>(kBlock);
     purse = {b * kBlock, (b + 1) * kBlock};
   }
   return purse.next;
@@ -94,8 +93,7 @@ void RecordDetails::clear() noexcept {
 std::size_t RecordDetails::bytes() const noexcept {
   const auto taken =
       std::count_if(blocks_.begin(), blocks_.end(), [](const auto& block) { return block != nullptr; });
-  const std::size_t each = sizeof(RecordDetail) + (have_marks() ? sizeof(LeakMarks) : 0);
-  return static_cast<std::size_t>(taken) * kBlock * each;
+  return static_cast<std::size_t>(taken) * kBlock * sizeof(RecordDetail);
 }
 
 RecordShaper::RecordShaper(Interpolation level, float a, const Bounds& bounds, const RadiusLimits& limits,
@@ -169,6 +167,13 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
 }
 
 void LeakGuard::judge() noexcept {
+  std::uint32_t worthy = 0;
+  for (std::uint32_t i = 0; i < suspects_; ++i) {
+    if (!is_worth_a_ray(held_[i])) continue;
+    rays_[worthy] = rays_[i];
+    held_[worthy++] = held_[i];
+  }
+  suspects_ = worthy;
   if (suspects_ == 0) return;
   std::array<bool, kLeakPacket> stopped;
   tracer_.occluded({rays_.data(), suspects_}, {stopped.data(), suspects_});

@@ -146,6 +146,7 @@ struct RecordDetail {
   glm::vec3 major{0.0f};                             ///< unit, in the tangent plane: elliptic regions only
   float R = 0.0f;                                    ///< metres: records of virtual point lights only
   float inverse_major = 0.0f, inverse_minor = 0.0f;  ///< of the distances to which it is valid, 1/m
+  LeakMarks marks;                                   ///< where leaks are guarded against only
 };
 
 /// Details by record id. Threads draw ids of their own, in blocks; what a thread writes there before it inserts the
@@ -155,9 +156,9 @@ class RecordDetails {
   static constexpr std::uint32_t kBlock = 16;
   static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
 
-  /// For `capacity` records at least, drawn by `threads` threads; with marks for the guard against leaks or without.
+  /// For `capacity` records at least, drawn by `threads` threads; `marked`: with marks for the guard against leaks.
   RecordDetails(std::uint32_t capacity, unsigned threads, bool marked = false)
-      : blocks_(capacity / kBlock + threads + 1), marks_(marked ? blocks_.size() : 0), purses_(threads) {}
+      : blocks_(capacity / kBlock + threads + 1), marked_(marked), purses_(threads) {}
 
   /// The id of the record that this thread makes next; the same until keep().
   std::uint32_t draft(unsigned thread);
@@ -168,11 +169,10 @@ class RecordDetails {
     return blocks_[id / kBlock][id % kBlock];
   }
 
-  bool have_marks() const noexcept { return !marks_.empty(); }
-  LeakMarks& marks(std::uint32_t id) noexcept { return marks_[id / kBlock][id % kBlock]; }
+  bool have_marks() const noexcept { return marked_; }
   /// Those of kNone, too.
   const LeakMarks& marks(std::uint32_t id) const noexcept {
-    return id == kNone ? kMarkedEverywhere : marks_[id / kBlock][id % kBlock];
+    return id == kNone ? kMarkedEverywhere : (*this)[id].marks;
   }
 
   /// Makes room for the details of an id that another table gave to this thread, in blocks of kBlock as here.
@@ -193,7 +193,7 @@ class RecordDetails {
   };
 
   std::vector<std::unique_ptr<RecordDetail[]>> blocks_;  // each written by the thread that drew it
-  std::vector<std::unique_ptr<LeakMarks[]>> marks_;      // likewise; empty where nothing guards against leaks
+  bool marked_;
   std::vector<Purse> purses_;
   alignas(kNoSharing) std::atomic<std::uint32_t> next_block_{0};
 };
@@ -265,6 +265,9 @@ class CoveredMean {
     sum_.add(c.E, c.w);
     covered_ |= c.covers;
   }
+  /// Of all that counted together; 0 as long as no record covered the point.
+  double weight() const noexcept { return covered_ ? sum_.weight() : 0.0; }
+
   /// nullopt exactly when no record covered the point.
   std::optional<Irradiance> result() const noexcept { return covered_ ? sum_.result() : std::nullopt; }
 
@@ -340,13 +343,17 @@ class Extrapolator {
   CoveredMean sum_;
 };
 
-/// Adds what suspects bring to a sum, but for those behind something (render/leak_guard.h). They wait until there are
-/// kLeakPacket of them, or no more.
+/// Adds what suspects bring to a sum, but for those behind something (render/leak_guard.h) and those that are not worth
+/// a ray. They wait until there are kLeakPacket of them, or no more.
 class LeakGuard {
  public:
   LeakGuard(Tracer& tracer, LeakTests& tests, CoveredMean& sum) noexcept
       : tracer_(tracer), tests_(tests), sum_(sum) {}
 
+  /// Whether it could still count for something that one would see.
+  bool is_worth_a_ray(const Contribution& suspect) const noexcept {
+    return suspect.w >= kLeakWorth * sum_.weight();
+  }
   /// `ray`: what leak_ray gives.
   void add(const Contribution& suspect, const Ray& ray) noexcept {
     rays_[suspects_] = ray;
@@ -380,10 +387,10 @@ class GuardedSum {
   void operator()(const Record& r, float weight) noexcept {
     const Contribution c = extrapolates_ ? extrapolator_.of(r, weight) : Contribution{r.E, weight, true};
     if (!(c.w > 0.0f)) return;
-    if (is_suspect(x_, r, shapes_.details.marks(r.id)))
-      guard_.add(c, leak_ray(tracer_.shared(), x_, r));
-    else
+    if (!is_suspect(x_, r, shapes_.details.marks(r.id)))
       sum_.add(c);
+    else if (guard_.is_worth_a_ray(c))
+      guard_.add(c, leak_ray(tracer_.shared(), x_, r));
   }
   std::optional<Irradiance> result() noexcept {
     guard_.judge();

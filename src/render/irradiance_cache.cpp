@@ -128,7 +128,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     restrain(detail.gradients, record.E, record.R);
   }
   if (shapes_.details.have_marks())
-    shapes_.details.marks(record.id) = leak_marks(w.seen, shaper.reach(record.R));
+    shapes_.details[record.id].marks = leak_marks(w.seen, shaper.reach(record.R));
   return record;
 }
 

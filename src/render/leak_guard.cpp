@@ -1,8 +1,20 @@
 #include "render/leak_guard.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace icbench {
+
+namespace {
+
+/// The sector where cell `n` of `N` around the normal begins, counted from before the first or beyond the last as well.
+std::uint32_t sector_at(float n, std::uint32_t N) noexcept {
+  const float angle = 2.0f * std::numbers::pi_v<float> * n / static_cast<float>(N);
+  return leak_sector(std::cos(angle), std::sin(angle));
+}
+
+}  // namespace
 
 LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept {
   const std::uint32_t N = seen.strata.azimuths;
@@ -17,11 +29,13 @@ LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept {
     const float flat = std::sqrt(std::max(0.0f, 1.0f - up * up));
     if (!(up < flat && s.t * flat < reach)) continue;
     marks.nearest = std::min(marks.nearest, s.t * flat * least_share);
-    const std::uint32_t n = i % N;
-    // From the beginning of the cell before to the end of the one behind, counted from N on: none is negative.
-    const std::uint32_t first = kLeakSectors * (N + n - 1) / N;
-    const std::uint32_t end = (kLeakSectors * (N + n + 2) + N - 1) / N;
-    for (std::uint32_t sector = first; sector < end; ++sector) marks.sectors |= 1u << sector % kLeakSectors;
+    // From the beginning of the cell before to the end of the one behind.
+    const auto n = static_cast<float>(i % N);
+    const std::uint32_t last = sector_at(n + 2.0f, N);
+    for (std::uint32_t at = sector_at(n - 1.0f, N); at != last; at = (at + 1) % kLeakSectors)
+      marks.sectors |= 1u << at;
+    marks.sectors |= 1u << last;
+    if (N <= 3) marks.sectors = ~0u;  // that was once around
   }
   return marks;
 }

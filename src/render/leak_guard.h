@@ -10,23 +10,23 @@
 // something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a
 // query the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met
 // so, or than a flat wall may be between two rays that met it. Elsewhere it counts only after a ray from the point to
-// the record meets nothing. Its ends are lifted off the surfaces by the tracer's epsilon and by shares of their
-// distance: the point's by kLeakLift, so that what is lower than that stops nothing, and the record's by kLeakRise, so
-// that a slit under a wall lets nothing through unless the point lies close behind it.
+// the record meets nothing, and not at all if it would bring less than kLeakWorth of what counts already. The ray's
+// ends are lifted off the surfaces by the tracer's epsilon and by shares of their distance: the point's by kLeakLift,
+// so that what is lower than that stops nothing, and the record's by kLeakRise, so that a slit under a wall lets
+// nothing through unless the point lies close behind it.
 //
 // What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
 // lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.
 //
-// Costs: nothing when off. 8 bytes a record; at a query one comparison for a record that has marked nothing, and one
-// ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query are
-// those of its visit and a ray for each record visited.
+// Costs: 8 bytes a record, and when off nothing else; at a query one comparison for a record that has marked nothing,
+// and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query
+// are those of its visit and a ray for each record visited.
 #pragma once
 
 #include <cmath>
 #include <cstdint>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <numbers>
 
 #include "core/types.h"
 #include "render/hemisphere.h"
@@ -38,11 +38,21 @@ inline constexpr std::uint32_t kLeakSectors = 32;  ///< a bit each
 inline constexpr float kLeakLift = 0.05f;          ///< of the distance
 inline constexpr float kLeakRise = 0.25f;          ///< of the distance
 inline constexpr std::uint32_t kLeakPacket = 16;   ///< rays
+inline constexpr double kLeakWorth = 1.0 / 32;     ///< of the weight of what counts already
+
+/// The sector of the direction (x, y) in a tangent plane; 0 of (0, 0). Sectors are even shares of the border of the
+/// square |x| + |y| <= 1, counter-clockwise from (0, -1): no arc tangent tells them.
+inline std::uint32_t leak_sector(float x, float y) noexcept {
+  const float to_border = std::fabs(x) + std::fabs(y);
+  if (!(to_border > 0.0f)) return 0;
+  const float rise = y / to_border;                          // -1 to 1
+  const float along = x < 0.0f ? 3.0f - rise : 1.0f + rise;  // 0 to 4
+  return static_cast<std::uint32_t>(along * (0.25f * kLeakSectors)) % kLeakSectors;
+}
 
 /// Where something stands around a record, by azimuth in the basis of its normal.
 struct LeakMarks {
-  std::uint32_t sectors =
-      0;  ///< bit i: between the angles 2 pi i / kLeakSectors and 2 pi (i + 1) / kLeakSectors
+  std::uint32_t sectors = 0;  ///< bit i: in leak_sector i
   float nearest =
       std::numeric_limits<float>::infinity();  ///< how near it may be along the tangent plane, metres
 };
@@ -70,10 +80,7 @@ inline bool is_suspect(const SurfacePoint& x, const Record& r, const LeakMarks& 
   const glm::vec3 d = x.p - r.p;
   if (!(glm::dot(d, d) > marks.nearest * marks.nearest)) return false;
   const Basis basis(r.n);
-  const float turns =
-      std::atan2(glm::dot(d, basis.t), glm::dot(d, basis.s)) * (0.5f * std::numbers::inv_pi_v<float>);
-  const auto sector = static_cast<std::int32_t>(std::floor(turns * kLeakSectors));  // from -kLeakSectors / 2
-  return (marks.sectors >> (static_cast<std::uint32_t>(sector) % kLeakSectors) & 1u) != 0;
+  return (marks.sectors >> leak_sector(glm::dot(d, basis.s), glm::dot(d, basis.t)) & 1u) != 0;
 }
 
 /// The ray that tells; nothing lies on it: the record counts.

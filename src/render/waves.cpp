@@ -79,16 +79,12 @@ Reply Answers::settle(std::size_t i) noexcept {
     return a.order != b.order ? a.order < b.order : key(a) < key(b);
   });
   CoveredMean sum;
-  if (query.rays.empty()) {
-    for (const Answer& a : query.answers) sum.add(a.brings());
-  } else {
+  for (const Answer& a : query.answers)
+    if (a.ray == kTrusted) sum.add(a.brings());
+  if (!query.rays.empty()) {
     LeakGuard guard(*tracer_, *tests_, sum);
-    for (const Answer& a : query.answers) {
-      if (a.ray == kTrusted)
-        sum.add(a.brings());
-      else
-        guard.add(a.brings(), query.rays[a.ray]);
-    }
+    for (const Answer& a : query.answers)
+      if (a.ray != kTrusted && guard.is_worth_a_ray(a.brings())) guard.add(a.brings(), query.rays[a.ray]);
     guard.judge();
   }
   const Reply reply{sum.result(), query.most_R};

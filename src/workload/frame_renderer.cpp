@@ -10,8 +10,9 @@ namespace icbench {
 namespace {
 
 std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
-  const PassSetup setup{r.rays,          crew,   r.width,     r.height, r.gather,    r.vpls, r.a,
-                        r.interpolation, r.seed, r.cell_size, r.paths,  r.leak_guard};
+  const PassSetup setup{r.rays,   crew,        r.width, r.height,
+                        r.gather, r.vpls,      r.a,     r.interpolation,
+                        r.seed,   r.cell_size, r.paths, guards_against_leaks(r)};
   if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
   CachedPassSetup cached;
   cached.cache = cache_config(r, crew.size());
@@ -33,6 +34,10 @@ double timed(F&& f) {
 }
 
 }  // namespace
+
+bool guards_against_leaks(const FrameRequest& r) noexcept {
+  return r.leak_guard.value_or(!r.integrator.uses_vpls && is_elliptic(r.interpolation));
+}
 
 CacheConfig cache_config(const FrameRequest& r, unsigned threads) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);

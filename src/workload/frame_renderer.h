@@ -38,13 +38,17 @@ struct FrameRequest {
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
   bool deterministic = false;                            ///< cached pictures too depend on no schedule
   bool overture = false;                                 ///< all records are made before the picture is
-  bool leak_guard = false;      ///< irradiance_cache: against leaks through thin walls
+  std::optional<bool>
+      leak_guard{};  ///< irradiance_cache: against leaks through thin walls; unset: where records overlap
   float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
   bool keeps_residual = false;  ///< its layer, too
   std::vector<Record>
       records{};  ///< made before, for the frame that is rendered first: in the cache from the beginning
   TraceRecorder* trace = nullptr;  ///< captures what is asked of the cache, if that is not deterministic
 };
+
+/// Whether leaks are guarded against. Where that is left open: at levels with ellipses, whose records reach farthest.
+bool guards_against_leaks(const FrameRequest& request) noexcept;
 
 /// The cache that a request is met with, for a crew of that size.
 CacheConfig cache_config(const FrameRequest& request, unsigned threads);
