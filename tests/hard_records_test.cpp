@@ -305,9 +305,9 @@ TEST_P(HardRecords, AMillionOnOneSpotAnswerAsOneDoes) {
         const double known = !extrapolated || x.p.x == 0.0f ? static_cast<double>(E) : (*alone)[0];
         for (int c = 0; c < 3; ++c) EXPECT_NEAR((*whole)[c] / known, 1.0, bound) << E << " at " << x.p.x;
       }
-      // Among so many alike none is worth a ray any more, but those that wait with the first that is not.
-      const auto asked = kLeakPacket * static_cast<std::uint32_t>(1.0 / (kLeakWorth * kLeakPacket) + 1.0);
-      EXPECT_EQ(tests.rays, guard ? 2 * (std::min(records, asked) + 1) : 0u);
+      // When 1 / kLeakWorth alike count, another is worth a ray just still, and a packet is judged at once.
+      constexpr std::uint32_t kAsked = std::uint32_t(1.0 / kLeakWorth) + kLeakPacket;
+      EXPECT_EQ(tests.rays, guard ? 2 * (std::min(records, kAsked) + 1) : 0u);
       EXPECT_EQ(tests.stopped, 0u);
     }
   }

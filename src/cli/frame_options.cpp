@@ -85,8 +85,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
       ->type_name("NAME");
   CLI::Option* guard = app->add_flag_callback(
       "--leak-guard", [&o] { o.leak_guard = true; },
-      "irradiance_cache: test by short rays that no thin wall stands\nbefore a record; so it is at levels "
-      "with ellipses");
+      "irradiance_cache: test by short rays that no thin wall stands\nbefore a record (the default at levels "
+      "with ellipses)");
   app->add_flag_callback(
          "--no-leak-guard", [&o] { o.leak_guard = false; }, "irradiance_cache: never test that")
       ->excludes(guard);

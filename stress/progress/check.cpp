@@ -62,7 +62,7 @@ class ProgressCheck {
     for (const Prefill& p : setting.prefill) {
       if (p.records > 0) scene_ += fmt::format(", {} of size {} before", p.records, p.kind % kSizes);
     }
-    if (setting.is_pool_short) scene_ += ", a short pool";
+    if (setting.pool == Pool::scarce) scene_ += ", a scarce pool";
   }
 
   Account& account(Type type) noexcept { return accounts_[static_cast<std::size_t>(type)]; }
@@ -71,12 +71,9 @@ class ProgressCheck {
   }
 
   /// On whose stage come the first `fibers`: no more sessions are set up than those need.
-  Trial make_trial(const Setting& setting, unsigned fibers, Pool pool = Pool::usual) {
-    if (setting.is_pool_short) {
-      fibers = kFibers;  // for which its room was reckoned
-      pool = Pool::scarce;
-    }
-    return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, pool);
+  Trial make_trial(const Setting& setting, unsigned fibers) {
+    if (setting.pool == Pool::scarce) fibers = kFibers;  // for which its room was reckoned
+    return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, setting.pool);
   }
   std::uint32_t sessions(unsigned fibers) const noexcept { return is_alone_ ? 1 : fibers + 1; }
   void start(Trial& trial, unsigned fiber, const Request& request) {
@@ -125,13 +122,15 @@ class ProgressCheck {
 
   void check(const std::vector<Setting>& settings) {
     for (const Setting& setting : settings) {
-      if (setting.is_pool_short && (is_alone_ || declared(Type::insert) == ProgressGuarantee::blocking))
+      if (setting.pool == Pool::scarce &&
+          (is_alone_ || declared(Type::insert) == ProgressGuarantee::blocking))
         continue;
       set_scene(setting);
       const std::uint64_t points = run_alone(setting, kThird + 1);
       if (is_alone_) continue;
       stop_everywhere(setting, points);
-      if (setting.is_interfered || (options_.is_long && !setting.is_pool_short)) interfere(setting, points);
+      if (setting.is_interfered || (options_.is_long && setting.pool != Pool::scarce))
+        interfere(setting, points);
     }
   }
 
@@ -243,7 +242,9 @@ class ProgressCheck {
   /// it has done `n` in all. Returns the victim's steps.
   std::uint64_t interfere(const Setting& setting, bool is_mixed, std::uint32_t each, std::uint64_t first,
                           std::uint32_t n) {
-    Trial trial = make_trial(setting, kOther + 1, n > kShortInterference ? Pool::large : Pool::usual);
+    Setting roomy = setting;
+    if (n > kShortInterference) roomy.pool = Pool::large;
+    Trial trial = make_trial(roomy, kOther + 1);
     const std::uint32_t kind = setting.victim.type == Type::insert ? setting.victim.where : 0;
     start(trial, kVictim, setting.victim);
     trial.start(kOther, n, [=](std::uint32_t i) {

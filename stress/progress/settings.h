@@ -24,7 +24,7 @@ struct Setting {
   std::vector<Prefill> prefill;
   Request victim;
   bool is_interfered;  ///< in the short form too
-  bool is_pool_short = false;
+  Pool pool = Pool::usual;
 };
 
 inline std::vector<Setting> insert_settings() {
@@ -35,7 +35,8 @@ inline std::vector<Setting> insert_settings() {
   // A path of which the lower part is missing.
   settings.push_back({{{2, 1}}, {Type::insert, 3}, true});
   // Where every allocation has to go to a pool that has no whole piece left.
-  for (const std::uint32_t kind : {0u, 3u}) settings.push_back({{}, {Type::insert, kind}, false, true});
+  for (const std::uint32_t kind : {0u, 3u})
+    settings.push_back({{}, {Type::insert, kind}, false, Pool::scarce});
   return settings;
 }
 

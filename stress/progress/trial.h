@@ -48,14 +48,14 @@ struct StepTally {
   void add(const StepTally& other);
 };
 
-/// Room for records: for some 8,000, or 65,000, which takes longer to set up; or so little that every allocation goes to a
-/// pool that has no whole piece left.
+/// Room for records: for some 8,000, or 65,000, which takes longer to set up; or so little that every allocation goes to
+/// a pool that has no whole piece left.
 enum class Pool { usual, large, scarce };
 
 class Trial {
  public:
   /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1. A pool is
-  /// made short by further sessions, which take as much beforehand as they can get.
+  /// made scarce by further sessions, which take as much beforehand as they can get.
   Trial(Stage& stage, const ProgressSubject& subject, const Landscape& landscape, std::uint32_t sessions,
         const std::vector<Prefill>& prefill, Pool pool);
   Trial(const Trial&) = delete;
