@@ -45,8 +45,10 @@ class Browser:
                    "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
                    "--disable-background-networking", "--disable-component-update", "--disable-sync",
                    "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
-        self._process = subprocess.Popen(command, pass_fds=(theirs_in, theirs_out), stdin=subprocess.DEVNULL,
-                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._said = Path(self._profile.name) / "stderr.txt"
+        with self._said.open("w") as said:
+            self._process = subprocess.Popen(command, pass_fds=(theirs_in, theirs_out), stdin=subprocess.DEVNULL,
+                                             stdout=subprocess.DEVNULL, stderr=said)
         os.close(theirs_in)
         os.close(theirs_out)
         self._buffer, self._number = b"", 0
@@ -70,7 +72,9 @@ class Browser:
             ready = select.select([self._in], [], [], max(0.0, until - time.monotonic()))[0]
             data = os.read(self._in, 1 << 16) if ready else b""
             if not data:
-                raise BrowserError("the browser ended" if ready else "the browser does not answer")
+                said = self._said.read_text(errors="replace").splitlines()[-5:]
+                about = "ended" if ready else f"does not answer for {kPatience:g} s"
+                raise BrowserError("\n".join([f"the browser {about}; its last words:", *said]))
             self._buffer += data
         message, _, self._buffer = self._buffer.partition(b"\0")
         return json.loads(message)
@@ -89,12 +93,13 @@ class Browser:
             raise BrowserError(f"{method}: {message['error'].get('message')}")
         return message["result"]
 
-    def wait_for(self, method: str, session: str) -> dict:
-        """The parameters of the next event of that name, or of one that came already."""
+    def wait_for(self, method: str, session: str, **parameters) -> dict:
+        """The next event of that name with these parameters, or one that came already."""
         until = time.monotonic() + kPatience
         while True:
             for message in self.events:
-                if message.get("method") == method and message.get("sessionId") == session:
+                if (message.get("method") == method and message.get("sessionId") == session
+                        and parameters.items() <= message["params"].items()):
                     self.events.remove(message)
                     return message["params"]
             self.events.append(self._message(until))
@@ -105,10 +110,10 @@ class Browser:
         session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Network", "Log", "Performance"):
             self.ask(f"{domain}.enable", session)
+        self.ask("Page.setLifecycleEventsEnabled", session, enabled=True)
         page = Page(self, session, target)
         page.resize(width, height)
-        self.ask("Page.navigate", session, url=path.resolve().as_uri())
-        self.wait_for("Page.loadEventFired", session)
+        page.go_to(path)
         return page
 
 
@@ -122,6 +127,11 @@ class Page:
     def close(self) -> None:
         self._browser.ask("Target.closeTarget", targetId=self._target)
 
+    def go_to(self, path: Path) -> None:
+        """Loads a file. The blank page before it has a load event too: the loader's name tells them apart."""
+        loader = self.ask("Page.navigate", url=path.resolve().as_uri())["loaderId"]
+        self._browser.wait_for("Page.lifecycleEvent", self._session, name="load", loaderId=loader)
+
     def resize(self, width: int, height: int) -> None:
         self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
@@ -133,20 +143,39 @@ class Page:
             raise BrowserError(about.get("exception", {}).get("description") or about["text"])
         return got["result"].get("value")
 
+    def until(self, expression: str):
+        """What an expression gives in the first frame in which it is true; null after half of `kPatience`."""
+        return self.value(f"""new Promise((done) => {{
+            const end = performance.now() + {1e3 * kPatience / 2};
+            const look = () => {{
+                const found = ({expression});
+                if (found || performance.now() > end) done(found || null);
+                else requestAnimationFrame(look);
+            }};
+            look();
+        }})""")
+
     def processor_time(self) -> float:
         """Seconds of processor time of the page's process so far."""
         found = self.ask("Performance.getMetrics")["metrics"]
         return next(metric["value"] for metric in found if metric["name"] == "ProcessTime")
 
     def _place(self, selector: str) -> tuple[float, float]:
-        """The middle of an element, scrolled into view."""
-        place = self.value(f"""(() => {{
-            const found = document.querySelector({json.dumps(selector)});
-            if (!found) return null;
-            found.scrollIntoView({{block: "center", behavior: "instant"}});
-            const box = found.getBoundingClientRect();
-            return [box.x + box.width / 2, box.y + box.height / 2, box.width * box.height];
-        }})()""")
+        """The middle of an element, scrolled into view and at rest: charts find their size within some frames."""
+        place = self.value(f"""new Promise((done) => {{
+            let before = null;
+            const look = () => {{
+                const found = document.querySelector({json.dumps(selector)});
+                if (!found) return done(null);
+                found.scrollIntoView({{block: "center", behavior: "instant"}});
+                const {{x, y, width, height}} = found.getBoundingClientRect();
+                const now = [x + width / 2, y + height / 2, width * height];
+                if (String(now) === before) return done(now);
+                before = String(now);
+                requestAnimationFrame(look);
+            }};
+            look();
+        }})""")
         if not place or not place[2]:
             raise BrowserError(f"no visible {selector}")
         return place[0], place[1]

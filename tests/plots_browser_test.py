@@ -112,16 +112,9 @@ class InBrowser(unittest.TestCase):
 
     def test_values_under_the_pointer(self):
         self.page.hover(".charts canvas")
-        told = self.page.value("""new Promise((done) => {  // the tooltip follows within some frames
-            let left = 120;
-            const look = () => {
-                const {body, dataPoints, opacity} = Chart.getChart(document.querySelector(".charts canvas")).tooltip;
-                const shown = body && opacity === 1;
-                if (!shown && --left > 0) requestAnimationFrame(look);
-                else done(shown ? {lines: body.flatMap((b) => b.lines), x: dataPoints[0].raw.x} : null);
-            };
-            look();
-        })""")
+        told = self.page.until("""(({body, dataPoints, opacity}) => body && opacity === 1 &&
+            {lines: body.flatMap((b) => b.lines), x: dataPoints[0].raw.x})(
+            Chart.getChart(document.querySelector(".charts canvas")).tooltip)""")
         self.assertIsNotNone(told, "no tooltip")
         expected = self.median(kWorkloads[0], "packed_wait_free", told["x"])
         line = next(line for line in told["lines"] if line.startswith("packed_wait_free:"))
@@ -168,11 +161,7 @@ class InBrowser(unittest.TestCase):
     def test_the_numbers_as_a_table(self):
         self.assertEqual(self.count(".explorer .numbers table"), 0)
         self.page.click(".explorer .numbers summary")
-        self.page.value("""new Promise((done) => {  // the table is made when the browser says that it was opened
-            const place = document.querySelector(".numbers div");
-            if (place.children.length) done();
-            new MutationObserver(() => done()).observe(place, {childList: true});
-        })""")
+        self.page.until("document.querySelector('.numbers div').children.length")  # made when it is opened
         self.assertEqual(self.count(".explorer .numbers table"), 2)
         expected = self.median(kWorkloads[0], "packed_wait_free", 8)
         row = self.page.value("""[...document.querySelectorAll(".numbers tr")].find(
@@ -275,15 +264,8 @@ class InBrowser(unittest.TestCase):
     def test_narrow_windows_do_not_scroll_sideways(self):
         for width in (360, 700, 1400):
             self.page.resize(width, 800)
-            found = self.page.value("""new Promise((done) => {  // charts follow within some frames
-                let left = 60;
-                const look = () => {
-                    const wide = document.documentElement.scrollWidth;
-                    wide <= innerWidth || --left === 0 ? done(wide) : requestAnimationFrame(look);
-                };
-                look();
-            })""")
-            self.assertLessEqual(found, width)
+            fits = self.page.until("document.documentElement.scrollWidth <= innerWidth")
+            self.assertTrue(fits, f"scrolls sideways in a window of {width}")
 
     def test_paper_has_the_table_and_no_form(self):
         self.page.ask("Emulation.setEmulatedMedia", media="print")
@@ -294,8 +276,7 @@ class InBrowser(unittest.TestCase):
 
     def test_without_scripts_everything_stands_as_tables_and_figures(self):
         self.page.ask("Emulation.setScriptExecutionDisabled", value=True)
-        self.page.ask("Page.reload")
-        self.browser.wait_for("Page.loadEventFired", self.page._session)
+        self.page.go_to(self.page_file)
         self.page.ask("Emulation.setScriptExecutionDisabled", value=False)
         shown = self.page.value("""Object.fromEntries([".explorer", ".choices", "figure img"].map(
             (s) => [s, document.querySelector(s).checkVisibility()]))""")
