@@ -22,6 +22,7 @@
 #include "render/path.h"
 #include "render/transport.h"
 #include "render/vpl.h"
+#include "render/vpl_compensation.h"
 #include "render/vpl_gather.h"
 #include "render_support.h"
 #include "scene/shapes.h"

@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "render/extrapolation.h"
+#include "render/guarded_sum.h"
 #include "render/hemisphere.h"
 #include "render/leak_guard.h"
 #include "render/ray_tracer.h"

@@ -1,17 +1,13 @@
-// Scenes from files: what becomes of nodes, materials, lights, cameras and animations of glTF, of Radiance's
-// surfaces and materials, and of formats that assimp reads.
-#include <assimp/scene.h>
+// glTF files: what becomes of nodes, materials, lights, cameras and animations.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
-#include <assimp/Exporter.hpp>
-#include <assimp/Importer.hpp>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
 
+#include "import_support.h"
 #include "render/ray_tracer.h"
-#include "scene/import_scene.h"
 #include "scene/registry.h"
 #include "scene_files.h"
 #include "temporary_folder.h"
@@ -23,42 +19,7 @@ using nlohmann::json;
 
 constexpr double kPi = std::numbers::pi;
 
-ImportedScene import_text(const char* name, std::string_view text) {
-  const TemporaryFolder folder;
-  write(folder / name, text);
-  return import_scene(folder / name);
-}
-
 ImportedScene import_gltf(const GltfFile& file) { return import_text("scene.gltf", file.text()); }
-
-bool has_note(const ImportedScene& s, const std::string& part) {
-  return std::any_of(s.notes.begin(), s.notes.end(),
-                     [&](const std::string& n) { return n.find(part) != n.npos; });
-}
-
-// By the divergence theorem: positive if the fronts of a closed mesh face outward.
-double volume(const Mesh& mesh, const Pose& pose = {}) {
-  double six = 0.0;
-  for (const glm::uvec3& t : mesh.triangles)
-    six += glm::dot(glm::dvec3(pose(mesh.positions[t.x])),
-                    glm::cross(glm::dvec3(pose(mesh.positions[t.y])), glm::dvec3(pose(mesh.positions[t.z]))));
-  return six / 6.0;
-}
-
-// Sum of the triangles' area vectors, m^2.
-glm::dvec3 area(const Mesh& mesh) {
-  glm::dvec3 sum(0.0);
-  for (const glm::uvec3& t : mesh.triangles) {
-    const glm::dvec3 a(mesh.positions[t.x]);
-    sum += 0.5 * glm::cross(glm::dvec3(mesh.positions[t.y]) - a, glm::dvec3(mesh.positions[t.z]) - a);
-  }
-  return sum;
-}
-
-void expect_near(const glm::vec3& a, const glm::vec3& b, float tolerance) {
-  EXPECT_LE(glm::distance(a, b), tolerance)
-      << a.x << ' ' << a.y << ' ' << a.z << " is not " << b.x << ' ' << b.y << ' ' << b.z;
-}
 
 GltfFile grey_cube() {
   GltfFile f;
@@ -427,170 +388,6 @@ TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {
       is_one_line_with(error_of([&] { make_scene((folder / "absent.gltf").string()); }), "absent.gltf"));
   EXPECT_TRUE(
       is_one_line_with(error_of([&] { make_scene((folder / "scene.txt").string()); }), "convert the scene"));
-}
-
-// The mesh of a .rad file whose material is `albedo`.
-const Mesh& mesh_of(const Scene& scene, const glm::vec3& albedo) {
-  for (const Mesh& mesh : scene.meshes)
-    if (glm::distance(scene.materials[mesh.material].albedo, albedo) < 1e-4f) return mesh;
-  throw std::runtime_error("no mesh of that colour");
-}
-
-constexpr const char* kRed = "void plastic red 0 0 5 .5 0 0 0 0\n";
-constexpr glm::vec3 kRedAlbedo(0.5f, 0.0f, 0.0f);
-
-double rad_volume(const std::string& surface) {
-  return volume(import_text("s.rad", kRed + surface).scene.meshes[0]);
-}
-
-TEST(ImportRadiance, CurvedSurfacesFaceTheRightWayAndHaveTheRightSize) {
-  EXPECT_NEAR(rad_volume("red sphere s 0 0 4 1 2 3 .5"), 4.0 / 3.0 * kPi * 0.125, 0.005);
-  EXPECT_NEAR(rad_volume("red bubble s 0 0 4 1 2 3 .5"), -4.0 / 3.0 * kPi * 0.125, 0.005);
-  // Open at both ends: the caps would add what a centred one lacks, a third of the volume.
-  EXPECT_NEAR(rad_volume("red cylinder c 0 0 7 0 0 -1 0 0 1 .5"), 2.0 / 3.0 * kPi * 0.5, 0.01);
-  EXPECT_NEAR(rad_volume("red tube c 0 0 7 0 0 -1 0 0 1 .5"), -2.0 / 3.0 * kPi * 0.5, 0.01);
-  // From its tip a cone without its base shows no volume; from its base's centre all of it.
-  EXPECT_NEAR(rad_volume("red cone c 0 0 8 0 0 0 0 0 3 1 0"), kPi, 0.02);
-  EXPECT_NEAR(rad_volume("red cup c 0 0 8 0 0 0 0 0 3 1 0"), -kPi, 0.02);
-  const Mesh ring =
-      import_text("s.rad", std::string(kRed) + "red ring r 0 0 8 1 1 1 0 0 -2 1 .5").scene.meshes[0];
-  EXPECT_NEAR(area(ring).z, -0.75 * kPi, 0.01);
-}
-
-TEST(ImportRadiance, CurvedSurfacesAreSmooth) {
-  const Mesh ball = import_text("s.rad", std::string(kRed) + "red sphere s 0 0 4 1 0 0 .5").scene.meshes[0];
-  ASSERT_EQ(ball.normals.size(), ball.positions.size());
-  for (std::size_t i = 0; i < ball.positions.size(); ++i)
-    expect_near(ball.normals[i], 2.0f * (ball.positions[i] - glm::vec3(1, 0, 0)), 1e-5f);
-}
-
-TEST(ImportRadiance, PolygonsMayBeConcaveAndHaveHoles) {
-  const std::string with_hole =
-      "red polygon p 0 0 30\n0 0 0 4 0 0 4 4 0 0 4 0 0 0 0\n1 1 0 1 3 0 3 3 0 3 1 0 1 1 0";
-  const Scene scene = import_text("s.rad", kRed + with_hole).scene;
-  EXPECT_NEAR(area(scene.meshes[0]).z, 12.0, 1e-5);
-  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
-  const RayTracer rays(scene);
-  Tracer tracer(rays);
-  EXPECT_TRUE(tracer.intersect({{2.1f, 2.2f, 1}, 9.0f, {0, 0, -1}}).missed()) << "the hole is filled";
-  EXPECT_FALSE(tracer.intersect({{0.5f, 2.2f, 1}, 9.0f, {0, 0, -1}}).missed());
-}
-
-TEST(ImportRadiance, MaterialsAreMappedAsDocumented) {
-  const auto read = [](const std::string& material) {
-    return import_text("s.rad", "void " + material + "\nm polygon p 0 0 9 0 0 0 1 0 0 0 1 0")
-        .scene.materials[0];
-  };
-  EXPECT_EQ(read("plastic m 0 0 5 .2 .4 .6 0 .1"), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
-  EXPECT_NEAR(read("plastic m 0 0 5 .2 .4 .6 .05 .1").albedo.x, 0.95 * 0.2 + 0.05, 1e-6);
-  EXPECT_EQ(read("metal m 0 0 5 .2 .4 .6 .9 .2"), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
-  EXPECT_EQ(read("metal m 0 0 5 .2 .4 .6 .9 0").surface, Surface::mirror);
-  EXPECT_EQ(read("mirror m 0 0 3 .9 .8 .7"),
-            (Material{.albedo = {0.9f, 0.8f, 0.7f}, .surface = Surface::mirror}));
-  EXPECT_EQ(read("light m 0 0 3 5 6 7"), (Material{.emission = {5, 6, 7}}));
-  EXPECT_EQ(read("glow m 0 0 4 5 6 7 2"), (Material{.emission = {5, 6, 7}}));
-  const Material glass = read("glass m 0 0 3 .81 .81 .81");
-  EXPECT_EQ(glass.surface, Surface::dielectric);
-  expect_near(glass.albedo, glm::vec3(0.9f), 1e-6f);
-}
-
-TEST(ImportRadiance, ModifiersAreFollowedToTheirMaterial) {
-  const std::string polygon = " polygon p 0 0 9 0 0 0 1 0 0 0 1 0\n";
-  const auto colour = [&](const std::string& text) {
-    const ImportedScene s = import_text("s.rad", kRed + text);
-    return s.scene.materials[s.scene.meshes.at(0).material].albedo;
-  };
-  EXPECT_EQ(colour("void alias crimson red\ncrimson" + polygon), kRedAlbedo);
-  EXPECT_EQ(colour("void colorpict wood 1 x 0 0\nwood alias crimson red\ncrimson" + polygon), kRedAlbedo);
-  EXPECT_EQ(colour("red brightfunc dirt 2 dirt dirt.cal 0 0\ndirt" + polygon), kRedAlbedo);
-  EXPECT_EQ(colour("nobody" + polygon), glm::vec3(0.5f));
-  // A name counts as it was last defined before.
-  EXPECT_EQ(colour("red" + polygon + "void plastic red 0 0 5 0 0 1 0 0\n"), kRedAlbedo);
-  const ImportedScene odd =
-      import_text("s.rad", kRed + ("nobody" + polygon + "nobody" + polygon + "void" + polygon) +
-                               "void source sun 0 0 4 0 0 1 .5\nvoid trans t 0 0 7 1 1 1 0 0 0 0\n");
-  EXPECT_TRUE(has_note(odd, "grey stands for the modifiers nobody"));
-  EXPECT_TRUE(has_note(odd, "not known: source trans"));
-  EXPECT_TRUE(has_note(odd, "void"));
-}
-
-TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
-  const TemporaryFolder folder;
-  write(folder / "room.rad", kRadianceRoom);
-  ImportedScene room = import_scene(folder / "room.rad");
-  expect_near(room.scene.camera.eye, {2, -6, 1.6f}, 1e-6f);
-  expect_near(room.scene.camera.up, {0, 0, 1}, 1e-6f);
-  EXPECT_NEAR(room.scene.camera.fov_y, 35.0 * kPi / 180.0, 1e-6);
-  EXPECT_TRUE(room.notes.empty());
-  write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vo 0 -va 0\n");
-  expect_near(import_scene(folder / "room.rad").scene.camera.eye, {1, 1, 1}, 1e-6f);
-  expect_near(mesh_of(room.scene, glm::vec3(0.6f)).positions[0], {0, 0, 0}, 1e-6f);
-}
-
-TEST(ImportAssimp, AnObjFileComesWithItsMaterialsAndTextures) {
-  const TemporaryFolder folder;
-  write(folder / "paint.png", quarters_png());
-  write(folder / "square.mtl", "newmtl paint\nKd 1 1 1\nmap_Kd paint.png\nnewmtl lamp\nKd 0 0 0\nKe 2 3 4\n");
-  write(folder / "square.obj",
-        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 2\nv 1 0 2\nv 1 1 2\nvt 0 0\nvt 1 "
-        "0\nvt 1 1\nvt 0 1\n"
-        "usemtl paint\nf 1/1 2/2 3/3 4/4\nusemtl lamp\nf 5 7 6\n");
-  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
-  const RayTracer rays(import_scene(folder / "square.obj").scene);
-  Tracer tracer(rays);
-  expect_near(rays.albedo(tracer.intersect({{0.25f, 0.75f, 1}, 9.0f, {0, 0, -1}})), {1, 0, 0}, 1e-5f);
-  expect_near(rays.emitted(tracer.intersect({{0.75f, 0.25f, 1}, 9.0f, {0, 0, 1}})), {2, 3, 4}, 1e-5f);
-}
-
-// A triangle that a node moves by 3 m in a second, under a camera, in centimetres.
-constexpr const char* kCollada = R"(<?xml version="1.0"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
-<library_cameras><camera id="cam"><optics><technique_common><perspective><xfov>60</xfov><aspect_ratio>1</aspect_ratio>
-<znear>1</znear><zfar>100</zfar></perspective></technique_common></optics></camera></library_cameras>
-<library_geometries><geometry id="g"><mesh>
-<source id="p"><float_array id="pa" count="9">0 0 0 100 0 0 0 100 0</float_array><technique_common>
-<accessor source="#pa" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
-<param name="Z" type="float"/></accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>
-<library_animations><animation id="a"><source id="t"><float_array id="ta" count="2">0 1</float_array><technique_common>
-<accessor source="#ta" count="2" stride="1"><param name="TIME" type="float"/></accessor></technique_common></source>
-<source id="o"><float_array id="oa" count="6">0 0 0 300 0 0</float_array><technique_common>
-<accessor source="#oa" count="2" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
-<param name="Z" type="float"/></accessor></technique_common></source>
-<sampler id="s"><input semantic="INPUT" source="#t"/><input semantic="OUTPUT" source="#o"/></sampler>
-<channel source="#s" target="mover/move"/></animation></library_animations>
-<library_visual_scenes><visual_scene id="vs">
-<node id="mover" name="mover"><translate sid="move">0 0 0</translate><instance_geometry url="#g"/></node>
-<node id="eye" name="eye"><translate>0 0 500</translate><instance_camera url="#cam"/></node>
-</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#vs"/></scene></COLLADA>
-)";
-
-TEST(ImportAssimp, AColladaFileComesInMetresWithItsAnimationAndCamera) {
-  const ImportedScene imported = import_text("move.dae", kCollada);
-  ASSERT_EQ(imported.scene.frames, 24u);
-  const Mesh& mesh = imported.scene.meshes.at(0);
-  const Pose start = mesh.pose(0.0f), later = mesh.pose(12.0f);
-  const glm::vec3 edge = start(mesh.positions[1]) - start(mesh.positions[0]);
-  EXPECT_NEAR(glm::length(edge), 1.0f, 1e-4f);
-  expect_near(later(mesh.positions[0]) - start(mesh.positions[0]), {1.5f, 0, 0}, 1e-4f);
-  expect_near(imported.scene.camera.eye, {0, 0, 5}, 1e-4f);
-  const Camera& camera = imported.scene.camera;
-  expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-5f);
-}
-
-TEST(ImportAssimp, AnFbxFileComesInMetres) {
-  const TemporaryFolder folder;
-  write(folder / "move.dae",
-        kCollada);  // its sides are 100 long; assimp exports it with centimetres as the unit
-  Assimp::Importer importer;
-  Assimp::Exporter exporter;
-  const aiScene* scene = importer.ReadFile((folder / "move.dae").string(), 0);
-  ASSERT_TRUE(scene);
-  ASSERT_EQ(exporter.Export(scene, "fbxa", (folder / "move.fbx").string()), AI_SUCCESS);
-  const Mesh mesh = import_scene(folder / "move.fbx").scene.meshes.at(0);
-  EXPECT_NEAR(glm::length(area(mesh)), 0.5, 1e-5);
 }
 
 }  // namespace

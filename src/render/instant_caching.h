@@ -17,6 +17,7 @@
 #include "render/packed_normal.h"
 #include "render/radius_rays.h"
 #include "render/record_source.h"
+#include "render/vpl_compensation.h"
 #include "render/vpl_gather.h"
 
 namespace icbench {

@@ -16,6 +16,7 @@
 #include "image/image.h"
 #include "render/caustics.h"
 #include "render/gather.h"
+#include "render/guarded_sum.h"
 #include "render/indirect_pass.h"
 #include "render/primary.h"
 #include "render/radiance_smoother.h"

@@ -2,11 +2,8 @@
 //
 // VPL j with flux F_j sends E_j = V_j F_j / pi min(G_j, clamp), G_j = cos cos_j / d^2, to a point; V_j is 1 where
 // nothing lies between. G is unbounded where a VPL lies close to the point, and the clamp takes the spots away that
-// this would make. What it takes from the light of close surfaces is added back by compensate() (Kollig & Keller 2004,
-// "Illumination in the presence of weak singularities"): rays with the cosine's density that look no farther than the
-// clamp can matter, each surface met counting with weight max(0, G - clamp) / G. The light that arrives there is
-// estimated at one of the surfaces that a few rays met, drawn by what they count: from the lamps, from one of the VPLs,
-// and by compensation in turn. All together are unbiased.
+// this would make. What it takes from the light of close surfaces is added back by compensate()
+// (render/vpl_compensation.h); both together are unbiased.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced
@@ -22,7 +19,6 @@
 #include <span>
 #include <vector>
 
-#include "core/random.h"
 #include "core/types.h"
 #include "render/hemisphere.h"
 #include "render/ray_tracer.h"
@@ -70,30 +66,5 @@ Irradiance gather_vpls(Tracer& tracer, const Hit& hit, const VplArrays& vpls, fl
 /// without any of the work around them.
 std::vector<TracedRay> record_vpl_rays(const RayTracer& rays, std::span<const Hit> points,
                                        const VplArrays& vpls);
-
-struct Compensation {
-  Irradiance E{0.0f};     ///< what the clamp took, W/m^2: unbiased estimate
-  std::uint64_t met = 0;  ///< the rays, a bit each, that met a surface for which weight was left; 0: E is 0
-};
-
-/// The key of compensation that goes with VPLs of this seed.
-inline std::uint64_t compensation_key(std::uint64_t seed) noexcept { return hash_keys(seed, 0xc0); }
-
-/// Most compensation rays of a point.
-inline constexpr std::uint32_t kMaxCompensation = 64;
-
-/// How far compensation rays look, metres: G <= clamp beyond that.
-float compensation_reach(float clamp) noexcept;
-
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); for every four of these,
-/// two or three estimate the light that arrives at what they met. Random numbers depend on the key alone; where
-/// neighbouring points have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise.
-/// 0 rays: 0.
-/// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
-/// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the
-/// result is that of tracing all, bit for bit.
-Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, float clamp,
-                        std::uint32_t count, std::uint64_t key, Packing packing = Packing::exact,
-                        std::uint64_t which = ~std::uint64_t{0}) noexcept;
 
 }  // namespace icbench

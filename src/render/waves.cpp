@@ -7,6 +7,7 @@
 
 #include "core/interpolation.h"
 #include "core/random.h"
+#include "render/guarded_sum.h"
 #include "render/irradiance_cache.h"
 
 namespace icbench {

@@ -13,7 +13,7 @@
 // any bit, or contradicting itself. Nothing is allocated by what a file says before its checksums agree and its numbers
 // fit the size it has.
 //
-// Layout, version 1, in the bytes of caches/cache_file_bytes.h: a header of 400 bytes (trace_file.cpp lists its
+// Layout, version 1, in the bytes of caches/cache_file_bytes.h: a header of 400 bytes (trace_layout.h lists its
 // fields), then the frames, each 25 bytes, the records it begins with, and its segments; a tile is its thread,
 // operations, bytes (varints: 7 bits a byte, low ones first, the top bit says that more follow) and its operations:
 //
