@@ -44,16 +44,17 @@ inline constexpr std::uint64_t kMostCost = 1'000'000'000'000;
 // Bytes of a difference, by its two bits.
 inline constexpr std::array<int, 4> kLengths = {0, 2, 3, 4};
 
-inline constexpr unsigned length_code(std::uint32_t difference) noexcept {
+constexpr unsigned length_code(std::uint32_t difference) noexcept {
   return difference == 0 ? 0 : difference < (1u << 16) ? 1 : difference < (1u << 24) ? 2 : 3;
 }
 
-/// Small for a small difference of either sign.
-inline constexpr std::uint32_t zigzag(std::uint32_t difference) noexcept {
+// Small for a small difference of either sign.
+constexpr std::uint32_t zigzag(std::uint32_t difference) noexcept {
   return (difference << 1) ^ (0u - (difference >> 31));
 }
-inline constexpr std::uint32_t unzigzag(std::uint32_t z) noexcept { return (z >> 1) ^ (0u - (z & 1)); }
+constexpr std::uint32_t unzigzag(std::uint32_t z) noexcept { return (z >> 1) ^ (0u - (z & 1)); }
 
+// The byte of a record: these bits, its result, and TracedRecord::kElsewhere.
 inline constexpr std::uint8_t kFlags = TracedRecord::kRefusedAnswer | TracedRecord::kAskedNeighbours;
 inline constexpr unsigned kResultShift = 2;
 
