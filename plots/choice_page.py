@@ -157,14 +157,24 @@ def error_table(made: Choice) -> str:
     return table(head, lines)
 
 
+def tolerable(made: Choice, rays: float) -> float:
+    """The error to begin with: two digits, which the middle one of the accuracies keeps at so many rays."""
+    found = errors_at(made, rays)
+    median, _, high = found[len(found) // 2].relmse
+    error = high if math.isfinite(high) else median
+    if not error > 0:
+        return 0.0
+    digit = math.floor(math.log10(error)) - 1
+    return float(f"{math.ceil(error / 10.0 ** digit)}e{digit}")
+
+
 def _form(setup: Setup, made: Choice) -> str:
     first = 64 if made.in_rays else 10
     words = "Rays a record" if made.in_rays else "Cost of a record, µs"
-    middle = ""
-    if not made.errors.empty:
-        middle = style.number(float(made.errors["median"].median()), 2)
-    error = (f'<label>Tolerable error, relMSE <input name="error" type="number" min="0" step="any" value="{middle}" '
-             'placeholder="any"></label>' if middle else "")
+    error = ""
+    if made.in_rays and not made.errors.empty:
+        error = ('<label>Tolerable error, relMSE <input name="error" type="number" min="0" step="any" '
+                 f'value="{tolerable(made, first):g}" placeholder="any"></label>')
     cores = setup.cores if setup.cores in made.threads else made.threads[-1]
     return (f'<form class="question"><label>{words} <input name="x" type="number" min="0" step="any" value="{first}" '
             f'required></label><label>Cores <input name="cores" type="number" min="1" step="1" value="{cores}" '

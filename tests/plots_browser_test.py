@@ -82,6 +82,7 @@ class InBrowser(unittest.TestCase):
 
     def test_it_opens_without_a_complaint_or_a_request(self):
         self.assertEqual(self.page.complaints(), [])
+        self.assertTrue(self.text(".answer").startswith("Accuracy a ="), "it begins with an error that nothing keeps")
         self.assertEqual(self.page.value("performance.getEntriesByType('mark').map((m) => m.name)"),
                          ["icbench-choice", "icbench-explorer"])
 

@@ -181,6 +181,14 @@ class Choice(InFolder):
         self.assertTrue(all(e.measured for e in least))
         self.assertFalse(choice.errors_at(made, 23)[0].measured)
 
+    def test_the_first_page_begins_with_an_error_that_the_middle_accuracy_keeps(self):
+        for median, high, begun in ((0.00789, 0.00842, 0.0085), (0.9, 1.0, 1.0), (2e-7, 3.01e-7, 3.1e-7),
+                                    (0.06, math.nan, 0.06)):
+            errors = pd.DataFrame([{"rays_per_record": 64, "accuracy": a, "median": median * f, "low": median * f,
+                                    "high": high * f} for a, f in ((0.1, 0.5), (0.2, 1.0), (0.4, 2.0))])
+            made = choice.Choice(True, [64], (1.0, 1.0, 1.0), [1], [], errors, "desk")
+            self.assertAlmostEqual(choice_page.tolerable(made, 64), begun, delta=1e-9 * begun)
+
     def test_a_tie_is_called_one(self):
         data = model_results(caches=few_caches(), workloads=("miss_driven:cost=1",), threads=(1, 8), repetitions=9,
                              errors=False)
