@@ -74,12 +74,7 @@ template <class ForEach>
   out.word(kCacheFileVersion);
   out.word(kHeaderBytes);
   out.word(kRecordBytes);
-  out.word(config.capacity);
-  out.word(config.max_sessions);
-  out.real(config.a_max);
-  out.real(config.a);
-  out.vector(config.bounds.lower);
-  out.vector(config.bounds.upper);
+  write_config(out, config);
   out.word(0);
   out.number(records, 8);
   out.number(content.key, 8);
@@ -198,12 +193,7 @@ class CacheFile {
         Reader(header + kRecordBytesAt).word() != kRecordBytes)
       return failure_at(kHeaderBytesAt, "header and records have not the sizes that version 1 gives them");
     Reader in(header + kConfigAt);
-    config_.capacity = in.word();
-    config_.max_sessions = in.word();
-    config_.a_max = in.real();
-    config_.a = in.real();
-    config_.bounds.lower = in.vector();
-    config_.bounds.upper = in.vector();
+    config_ = read_config(in);
     if (const char* error = config_error(config_)) return failure_at(kConfigAt, error);
     const std::uint64_t records = Reader(header + kRecordsAt).number(8);
     if (records > config_.capacity) {

@@ -37,6 +37,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/cache.h"
 #include "core/types.h"
 
 namespace icbench {
@@ -137,6 +138,28 @@ inline Record read_record(const unsigned char* at) noexcept {
   r.E = in.vector();
   r.id = in.word();
   return r;
+}
+
+/// 40 bytes.
+inline void write_config(Writer& out, const CacheConfig& config) noexcept {
+  out.word(config.capacity);
+  out.word(config.max_sessions);
+  out.real(config.a_max);
+  out.real(config.a);
+  out.vector(config.bounds.lower);
+  out.vector(config.bounds.upper);
+}
+
+/// As it stands there: config_error() judges it.
+inline CacheConfig read_config(Reader& in) noexcept {
+  CacheConfig config;
+  config.capacity = in.word();
+  config.max_sessions = in.word();
+  config.a_max = in.real();
+  config.a = in.real();
+  config.bounds.lower = in.vector();
+  config.bounds.upper = in.vector();
+  return config;
 }
 
 /// Owns a file descriptor.

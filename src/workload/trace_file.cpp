@@ -180,13 +180,7 @@ void TraceWriter::finish() {
   out.word(kHeaderBytes);
   for (const std::uint64_t n : {body_, operations_, records_, first_}) out.number(n, 8);
   for (const std::uint32_t n : {frames_, segments_, tiles_}) out.word(n);
-  const CacheConfig& config = context_.config;
-  out.word(config.capacity);
-  out.word(config.max_sessions);
-  out.real(config.a_max);
-  out.real(config.a);
-  out.vector(config.bounds.lower);
-  out.vector(config.bounds.upper);
+  cache_file::write_config(out, context_.config);
   for (const std::uint32_t n : {context_.width, context_.height, context_.spp, context_.rays, context_.vpls})
     out.word(n);
   out.number(context_.seed, 8);

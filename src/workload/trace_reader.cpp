@@ -107,15 +107,9 @@ class TraceReader {
         !fits(first_, cache_file::kRecordBytes) || records_ > operations_ || !fits(frames_, kFrameBytes) ||
         !fits(segments_, 4) || !fits(tiles_, kLeastTileBytes))
       fail_at(kBodyAt, "the numbers of operations, records and tiles do not fit the file's size");
-    CacheConfig& config = trace.context.config;
     in = Reader(header + kConfigAt);
-    config.capacity = in.word();
-    config.max_sessions = in.word();
-    config.a_max = in.real();
-    config.a = in.real();
-    config.bounds.lower = in.vector();
-    config.bounds.upper = in.vector();
-    if (const char* error = config_error(config)) fail_at(kConfigAt, error);
+    trace.context.config = cache_file::read_config(in);
+    if (const char* error = config_error(trace.context.config)) fail_at(kConfigAt, error);
     TraceContext& c = trace.context;
     in = Reader(header + kPictureAt);
     for (std::uint32_t* n : {&c.width, &c.height, &c.spp, &c.rays, &c.vpls}) *n = in.word();
