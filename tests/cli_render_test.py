@@ -161,12 +161,21 @@ class Render(Case):
                 self.assertEqual([line for line in done.stderr.splitlines() if "effect" in line],
                                  [f"icbench: {said} no effect on {integrator}"] if said else [])
 
-    def test_leaks_are_guarded_against_where_records_overlap_unless_told_otherwise(self):
-        for level, given, guarded in (("gradients", [], False), ("gradients", ["--leak-guard"], True),
-                                      ("split_sphere", [], False), ("geometric_hessian", [], True),
-                                      ("occlusion_hessian", [], True), ("occlusion_hessian", ["--no-leak-guard"], False)):
-            with self.subTest(level, given=given):
-                self.succeed(*small_render(size="32x32", rays=64, interpolation=level, json="a.json"), *given)
+    def test_leaks_are_guarded_against_but_for_plain_records_unless_told_otherwise(self):
+        for integrator, level, given, guarded in (
+                ("irradiance_cache", "split_sphere", [], False),
+                ("irradiance_cache", "split_sphere", ["--leak-guard"], True),
+                *(("irradiance_cache", level, [], True)
+                  for level in ("bounded", "gradients", "neighbour_clamping", "geometric_hessian", "occlusion_hessian")),
+                ("irradiance_cache", "gradients", ["--no-leak-guard"], False),
+                ("irradiance_cache", "occlusion_hessian", ["--no-leak-guard"], False),
+                *((integrator, level, given, bool(given))
+                  for integrator in ("instant_caching", "temporal_instant_caching")
+                  for level in ("split_sphere", "gradients") for given in ([], ["--leak-guard"]))):
+            with self.subTest(integrator, level=level, given=given):
+                rays = {"rays": 64} if integrator == "irradiance_cache" else {"vpls": 64}
+                self.succeed(*small_render(size="32x32", integrator=integrator, interpolation=level, json="a.json",
+                                           **rays), *given)
                 cost = self.load("a.json")
                 self.assertIs(cost["leak_guard"], guarded)
                 self.assertEqual(cost["leak_tests"] > 0, guarded)

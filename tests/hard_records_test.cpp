@@ -27,10 +27,6 @@ class HardRecords : public ::testing::TestWithParam<RecordKind> {
   static LevelRun run(const RayTracer& rays, const PrimaryHits& primary, const Level& level) {
     return run_level(rays, primary, level, GetParam().make);
   }
-  // Whether there is a guard against leaks to be had.
-  static std::vector<bool> guards() {
-    return GetParam().by_vpls() ? std::vector{false} : std::vector{false, true};
-  }
 };
 INSTANTIATE_TEST_SUITE_P(Kinds, HardRecords, ::testing::ValuesIn(record_kinds()), kind_name);
 
@@ -130,7 +126,7 @@ TEST_P(HardRecords, ARecordAnswersAtItsOwnPointWhateverRoundingDoesToTheNormal) 
   ThreadCrew crew(rays, 1);
   const PrimaryHits primary = primary_hits(rays, 10, 10);
   for (const float a : {0.05f, 0.2f, 1.0f})
-    for (const bool guard : guards()) {
+    for (const bool guard : {false, true}) {
       PassSetup setup{rays, crew, 10, 10};
       setup.gather_rays = setup.vpls = 64;
       setup.interpolation = GetParam().level;
@@ -185,7 +181,7 @@ TEST_P(HardRecords, EdgesAndCornersOfTheFurnaceAreAsBrightAsTheRest) {
   }
   // Records by virtual lights all err alike, by the same lights: they are told apart by seeds.
   const bool by_vpls = GetParam().by_vpls();
-  for (const bool guard : guards()) {
+  for (const bool guard : {false, true}) {
     Level fine = level(guard);
     fine.gather_rays = 1024;
     fine.vpls = 256;
@@ -252,7 +248,7 @@ TEST_P(HardRecords, AMillionOnOneSpotAnswerAsOneDoes) {
   ThreadCrew crew(rays, 1);
   Tracer tracer(rays);
   const Hit hit = facing({0, 0, 0}, {0, 1, 0});
-  for (const bool guard : guards()) {
+  for (const bool guard : {false, true}) {
     PassSetup setup{rays, crew, 1000, 1000};
     setup.leak_guard = guard;
     setup.interpolation = GetParam().level;

@@ -2,8 +2,8 @@
 // not. Records of the lit side are there before the dark side asks, so that whatever could leak does.
 //
 // Through the wall, from one of its sides to the other, nothing passes. Along a floor that runs on under it records are
-// valid on both sides: nothing passes with the guard against leaks, of which records by virtual lights have none;
-// without it light gets as far as the region of a record reaches. Before a high wall the harmonic mean distance of a
+// valid on both sides: nothing passes with the guard against leaks; without it light gets as far as the region of a
+// record reaches. Before a high wall the harmonic mean distance of a
 // floor is 3 pi / 2 times that to the wall, or less where other things are near, so that with an accuracy below
 // 2 / (3 pi) = 0.21 a split sphere ends before the wall, unless its radius is the least that records have.
 #include <gtest/gtest.h>
@@ -35,6 +35,31 @@ Scene cut_room() {
   s.meshes.push_back(quad("cut", {-0.1f, -0.1f, 1}, {2.2f, 0, 0}, {0, 2.2f, 0}, white));
   s.meshes.push_back(quad("lamp", {0.5f, 1.9f, 0.2f}, {0.7f, 0, 0}, {0, 0, 0.7f}, glow));
   s.camera = {.eye = {1, 1, 1.9f}, .target = {1, 0.5f, 1}, .up = {0, 1, 0}, .fov_y = 1.2f};
+  return s;
+}
+
+// A room open to the front, lit by way of its back wall. On the right half of its floor lies a flat black box, open to
+// the front too, with thin walls; its left wall ends `gap` above the floor. What light there is inside came through
+// that.
+Scene room_with_box(float gap) {
+  constexpr float kLid = 0.08f;
+  Scene s;
+  s.name = "room_with_box";
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  const auto grey = s.add_material({.albedo = glm::vec3(0.1f)});
+  s.meshes.push_back(quad("floor", {-1, 0, -1}, {0, 0, 1}, {2, 0, 0}, white));
+  s.meshes.push_back(quad("ceiling", {-1, 1, -1}, {0, 0, 1}, {2, 0, 0}, white));
+  s.meshes.push_back(quad("back", {-1, 0, -1}, {2, 0, 0}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("left", {-1, 0, -1}, {0, 0, 1}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("right", {1, 0, -1}, {0, 0, 1}, {0, 1, 0}, white));
+  s.meshes.push_back(quad("lid", {0, kLid, -1}, {0, 0, 1}, {1, 0, 0}, grey));
+  s.meshes.push_back(quad("wall", {0, gap, -1}, {0, 0, 1}, {0, kLid - gap, 0}, grey));
+  s.point_lights.push_back({.p = {-0.3f, 0.5f, 2},
+                            .intensity = glm::vec3(100.0f),
+                            .axis = {0, 0, -1},
+                            .cos_inner = 0.996f,
+                            .cos_outer = 0.995f});
+  s.camera = {.eye = {0, 0.3f, 3}, .target = {0, 0, -0.45f}, .up = {0, 1, 0}, .fov_y = 0.02f};
   return s;
 }
 
@@ -73,10 +98,6 @@ class Walls : public ::testing::TestWithParam<RecordKind> {
     return {
         .level = GetParam().level, .gather_rays = gather_rays, .a = a, .leak_guard = leak_guard, .vpls = 128};
   }
-  // Whether there is a guard against leaks to be had.
-  static std::vector<bool> guards() {
-    return GetParam().by_vpls() ? std::vector{false} : std::vector{false, true};
-  }
   // Whether a lit record's region holds the point, wherever its normal looks.
   static bool is_near(const LevelRun& run, float a, const glm::vec3& p) {
     const float widened = GetParam().level == Interpolation::neighbour_clamping ? 1.0f : GetParam().reach();
@@ -92,7 +113,7 @@ TEST_P(Walls, NothingPassesFromOneSideOfASheetToTheOther) {
   const RayTracer rays(cut_room());
   const PrimaryHits primary = both_sides(rays, true);
   for (const float a : {0.2f, 0.6f, 1.0f})
-    for (const bool guard : guards()) {
+    for (const bool guard : {false, true}) {
       const LevelRun made = run_level(rays, primary, level(a, 64, guard), GetParam().make);
       std::size_t near = 0;
       for (std::size_t i = 0; i < primary.hits.size(); ++i) {
@@ -115,7 +136,7 @@ TEST_P(Walls, AlongAFloorLightPassesAsFarAsRecordsReachAndNoneWithTheGuard) {
   const float diagonal = std::sqrt(12.0f);
   for (const float a : {0.2f, 0.6f, 1.0f})
     for (const std::uint32_t gather_rays : {64u, 256u})
-      for (const bool guard : guards()) {
+      for (const bool guard : {false, true}) {
         const LevelRun made = run_level(rays, primary, level(a, gather_rays, guard), GetParam().make);
         std::size_t leaks = 0;
         float deepest = 0.0f;
@@ -140,7 +161,6 @@ TEST_P(Walls, AlongAFloorLightPassesAsFarAsRecordsReachAndNoneWithTheGuard) {
 // Guards against: a guard that takes what is nearer than the nearest thing a ray met for near, though no ray went
 // straight to the wall.
 TEST_P(Walls, TheGuardStopsARecordStraightBehindTheWall) {
-  if (GetParam().by_vpls()) GTEST_SKIP() << "these have no guard";
   constexpr float kA = 1.0f;
   const RayTracer rays(cut_room());
   ThreadCrew crew(rays, 1);
@@ -178,6 +198,38 @@ TEST_P(Walls, TheGuardStopsARecordStraightBehindTheWall) {
   }
   EXPECT_EQ(leak, 0u);
   EXPECT_GT(stopped, 100u) << "there was nothing to guard against";
+}
+
+// Guards against: records beside a wall that shine through it, and those behind it that darken what is in front.
+TEST_P(Walls, TheGuardStopsLeaksThroughTheWallOfALowBox) {
+  constexpr float kA = 0.6f;
+  for (const float gap : {0.0f, 0.005f}) {
+    const RayTracer rays(room_with_box(gap));
+    const PrimaryHits primary = primary_hits(rays, 56, 8);
+    for (const Hit& hit : primary.hits) ASSERT_TRUE(reflects(rays, hit));
+    const Image exact = without_cache(rays, primary, level(kA, 256, false), GetParam().by_vpls());
+    double inside[2] = {}, outside[2] = {};  // RMS error, without the guard and with it
+    for (const bool guard : {false, true}) {
+      const LevelRun made = run_level(rays, primary, level(kA, 256, guard), GetParam().make);
+      for (std::size_t i = 0; i < exact.pixels.size(); ++i)
+        (primary.hits[i].p.x > 0.0f ? inside : outside)[guard] +=
+            std::pow(made.indirect.pixels[i].y - exact.pixels[i].y, 2.0f);
+      EXPECT_EQ(made.use.leaks.stopped > 0, guard);
+      EXPECT_LE(made.use.leaks.stopped, made.use.leaks.rays);
+    }
+    for (double* error : {inside, outside})
+      for (const bool guard : {false, true})
+        error[guard] = std::sqrt(error[guard] / (0.5 * static_cast<double>(exact.pixels.size())));
+    std::printf(
+        "%s, wall %g m above the floor: RMS error behind it %.2g, %.2g with the guard; before it %.2g, "
+        "%.2g\n",
+        GetParam().name.c_str(), static_cast<double>(gap), inside[false], inside[true], outside[false],
+        outside[true]);
+    EXPECT_GT(inside[false], 0.02) << "nothing leaks";
+    EXPECT_LT(inside[true], (gap > 0.0f ? 0.3 : 0.05) * inside[false]);
+    // Above a slit 0.030 instead of 0.025 by the occlusion Hessian, darker within 10 cm of the wall.
+    EXPECT_LT(outside[true], (gap > 0.0f ? 1.3 : 1.2) * outside[false]);
+  }
 }
 
 }  // namespace

@@ -73,7 +73,8 @@ class Witness final : public RecordSource {
 class Film {
  public:
   Film(const Scene& scene, std::string_view cache, unsigned threads, int width = kWidth, int height = kHeight,
-       float a = 0.3f, std::uint32_t vpls = kVpls, Interpolation interpolation = Interpolation::split_sphere)
+       float a = 0.3f, std::uint32_t vpls = kVpls, Interpolation interpolation = Interpolation::split_sphere,
+       bool leak_guard = false)
       : rays(scene),
         crew_(rays, threads),
         primary(rays.scene(), width, height),
@@ -84,6 +85,7 @@ class Film {
     setup.vpls = vpls;
     setup.a = a;
     setup.interpolation = interpolation;
+    setup.leak_guard = leak_guard;
     auto made = std::make_unique<Witness>(setup);
     witness = made.get();
     CachedPassSetup cached;
@@ -158,7 +160,7 @@ class Film {
       const Irradiance E = irradiance_from(seen, point, vpls.vpls(), clamp) +
                            compensate_record(tracer, point, vpls, clamp, packing).E;
       Record expected{point.p, point.n, radius.radius(codes), E, r.id};
-      if (shapes != nullptr) {
+      if (shapes != nullptr && extrapolates(shapes->shaper.level())) {
         RecordDetail detail;
         IrradianceGradients gradients;
         irradiance_from(seen, point, vpls.vpls(), clamp, gradients);
@@ -197,11 +199,14 @@ class Film {
 };
 
 TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
-  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients})
+  for (const auto& [level, leak_guard] : {std::pair{Interpolation::split_sphere, false},
+                                          {Interpolation::gradients, false},
+                                          {Interpolation::split_sphere, true},
+                                          {Interpolation::gradients, true}})
     for (const NamedScene& s : animated_rooms()) {
       SCOPED_TRACE(s.name);
-      Film film(s.scene, "wait_free", 2, kWidth, kHeight, 0.3f, kVpls, level);
-      std::uint64_t updated = 0, dropped = 0;
+      Film film(s.scene, "wait_free", 2, kWidth, kHeight, 0.3f, kVpls, level, leak_guard);
+      std::uint64_t updated = 0, dropped = 0, leaks = 0;
       for (std::uint32_t frame = 0; frame < s.scene.frames + 4; ++frame) {
         film.begin(frame);
         ASSERT_EQ(film.difference(), "") << "frame " << frame << ", begun";
@@ -211,6 +216,7 @@ TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
         const PassFigures f = film.pass->figures();
         updated += f.records_updated;
         dropped += f.records_dropped;
+        leaks += f.use.leaks.rays;
       }
       if (s.name == "camera") {
         EXPECT_EQ(updated, 0u);
@@ -220,6 +226,7 @@ TEST(Temporal, EveryRecordIsAsIfMadeAnewWhateverChanges) {
       // What the camera leaves behind is dropped as well, in time.
       EXPECT_EQ(dropped > 0, s.name != "light" && s.name != "material") << dropped;
       EXPECT_EQ(film.sloped > 0, extrapolates(level));
+      EXPECT_EQ(leaks > 0, leak_guard);
       EXPECT_LE(1e4 * static_cast<double>(film.otherwise), static_cast<double>(film.asked))
           << film.otherwise << " of " << film.asked;
     }
@@ -302,6 +309,21 @@ TEST(Temporal, ItDoesSoWithEveryCacheAndNumberOfThreads) {
         }
       }
     }
+  }
+}
+
+// Guards against: records that the guard against leaks asks for, and that are then taken for unused.
+TEST(Temporal, RecordsThatAreInUseStayWhereLeaksAreGuardedAgainst) {
+  const Scene scene = animated_room({.rigid = true});
+  for (const bool leak_guard : {false, true}) {
+    Film film(scene, "wait_free", 1, kWidth, kHeight, 0.3f, kVpls, Interpolation::gradients, leak_guard);
+    std::uint64_t made = 0, first = 0;
+    for (std::uint32_t frame = 0; frame < 40; ++frame) {
+      film.begin(frame);
+      film.render(frame);
+      (frame == 0 ? first : made) += film.pass->figures().use.inserts;
+    }
+    EXPECT_LT(made, 40 * first / 4) << leak_guard;
   }
 }
 

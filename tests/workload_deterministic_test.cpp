@@ -134,17 +134,22 @@ TEST(Deterministic, IsTheSameForAnyCache) {
 
 TEST(Deterministic, IsTheSameAtEveryLevelOfInterpolation) {
   RayTracer& rays = cornell_specular_room();
-  for (const InterpolationEntry& level : kInterpolations)
-    for (const bool guard : {false, true}) {
-      Wish wish{"irradiance_cache", "wait_free", level.level};
-      wish.leak_guard = guard;
-      const std::vector<Made> one = render(rays, wish);
-      EXPECT_EQ(one.front().use.leaks.rays > 0, guard) << level.name;
-      wish.threads = 4;
-      wish.cache = "packed_local_write";
-      wish.tiles = TileOrder::random;
-      EXPECT_TRUE(same(one, render(rays, wish))) << level.name << guard;
-    }
+  for (const IntegratorEntry& integrator : kIntegrators)
+    for (const InterpolationEntry& level : kInterpolations)
+      for (const bool guard : {false, true}) {
+        if (!integrator.needs_cache() || (integrator.uses_vpls && !is_for_vpls(level.level))) continue;
+        SCOPED_TRACE(::testing::Message()
+                     << integrator.name << ' ' << level.name << (guard ? ", guarded" : ""));
+        Wish wish{std::string(integrator.name), "wait_free", level.level};
+        wish.frames = 2;
+        wish.leak_guard = guard;
+        const std::vector<Made> one = render(rays, wish);
+        EXPECT_EQ(one.front().use.leaks.rays > 0, guard);
+        wish.threads = 4;
+        wish.cache = "packed_local_write";
+        wish.tiles = TileOrder::random;
+        EXPECT_TRUE(same(one, render(rays, wish)));
+      }
 }
 
 // The comparison can fail: left to itself, a cache that shows other threads' records only in the next frame gives them

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -182,11 +184,12 @@ class RecordsAtEqualError : public Judged {
   }
   bool starts_warm() const override { return true; }
 
- private:
+ protected:
   static constexpr std::array kAccuracies{1.0f, 0.7f, 0.5f, 0.35f, 0.25f, 0.18f, 0.13f, 0.09f};
 
   struct Made {
     double records, error;
+    Image irradiance;
   };
 
   Made cached(std::uint64_t seed, Interpolation level, float a) {
@@ -195,11 +198,16 @@ class RecordsAtEqualError : public Judged {
     r.interpolation = level;
     r.a = a;
     const Picture p = render(r);
-    const double square = square_of_difference(irradiance(p.indirect)) - own_square_;
+    Image E = irradiance(p.indirect);
+    const double square = square_of_difference(E) - own_square_;
     const std::uint64_t records = which_ == Hits::all ? p.records : p.records_along_axes;
-    return {static_cast<double>(records), std::sqrt(std::max(0.0, square))};
+    return {static_cast<double>(records), std::sqrt(std::max(0.0, square)), std::move(E)};
   }
 
+  const Image& truth() const noexcept { return truth_; }
+  double own_square() const noexcept { return own_square_; }
+
+ private:
   // 0 at hits that do not count.
   Image irradiance(const Image& reflected) const {
     Image out = irradiance_of(stage_.rays(), primary_, reflected);
@@ -218,6 +226,47 @@ class RecordsAtEqualError : public Judged {
   double own_square_ = 0.0;  // mean square of its own error
   std::size_t fine_ =
       kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
+};
+
+// What could be had by adding records to those that the occlusion Hessian makes.
+class RecordsMended : public RecordsAtEqualError {
+ public:
+  RecordsMended(const Machine& machine, std::string_view scene)
+      : RecordsAtEqualError(machine, scene, Hits::all) {}
+
+  // From coarse to fine, until fewer pixels to mend are no longer worth the records that it takes.
+  Sample sample() override {
+    const std::uint64_t seed = next_seed();
+    const Made split = cached(seed, Interpolation::split_sphere, 0.2f);
+    double least = std::numeric_limits<double>::infinity();
+    for (const float a : kAccuracies) {
+      const Made made = cached(seed, Interpolation::occlusion_hessian, a);
+      const double records = made.records + static_cast<double>(mended(made.irradiance, split.error));
+      if (records > kNoLongerWorth * least) break;
+      least = std::min(least, records);
+    }
+    return {least / split.records};
+  }
+
+ private:
+  static constexpr double kNoLongerWorth = 1.1;
+
+  // How many pixels, the worst first, have to be as the reference has them for that root-mean-square error.
+  std::size_t mended(const Image& irradiance, double wanted) const {
+    const std::size_t pixels = irradiance.pixels.size();
+    std::vector<double> squares(pixels);
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const glm::dvec3 difference(irradiance.pixels[i] - truth().pixels[i]);
+      squares[i] = glm::dot(difference, difference) / 3.0;
+    }
+    std::sort(squares.begin(), squares.end(), std::greater<>());
+    const double most = wanted * wanted * static_cast<double>(pixels);
+    double left = std::accumulate(squares.begin(), squares.end(), 0.0);
+    std::size_t count = 0;
+    while (count < pixels && left - own_square() * static_cast<double>(pixels - count) > most)
+      left -= squares[count++];
+    return count;
+  }
 };
 
 // The first sample tries every setting; later ones only those that were best in it.
@@ -373,6 +422,10 @@ std::unique_ptr<Experiment> deterministic_over_free(const Machine& machine, std:
 std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene,
                                                    Hits which) {
   return std::make_unique<RecordsAtEqualError>(machine, scene, which);
+}
+
+std::unique_ptr<Experiment> records_mended(const Machine& machine, std::string_view scene) {
+  return std::make_unique<RecordsMended>(machine, scene);
 }
 
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,

@@ -46,7 +46,8 @@ class SimulatorError : public Experiment {
           calibrate_machine(machine_.topology, nlohmann::ordered_json::object()));
       simulation_->complete_calibration(tell_nobody);
     }
-    const auto points = compare_in_rounds(*simulation_, machine_.topology, kRounds, !validations().empty(), tell_nobody);
+    const auto points =
+        compare_in_rounds(*simulation_, machine_.topology, kRounds, !validations().empty(), tell_nobody);
     validations().push_back(validation_of(*simulation_, points));
   }
 

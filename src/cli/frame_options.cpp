@@ -32,17 +32,11 @@ bool uses_cells(const IntegratorEntry& i) { return i.uses_cells; }
 bool uses_cache(const IntegratorEntry& i) { return i.needs_cache(); }
 bool gathers_hemispheres(const IntegratorEntry& i) { return i.needs_cache() && !i.uses_vpls; }
 
-constexpr ParticularOption kParticularOptions[] = {{"--cache", uses_cache},
-                                                   {"--accuracy", uses_cache},
-                                                   {"--interpolation", uses_cache},
-                                                   {"--deterministic", uses_cache},
-                                                   {"--overture", uses_cache},
-                                                   {"--rays", gathers_hemispheres},
-                                                   {"--leak-guard", gathers_hemispheres},
-                                                   {"--no-leak-guard", gathers_hemispheres},
-                                                   {"--vpls", uses_vpls},
-                                                   {"--cell-size", uses_cells},
-                                                   {"--paths", uses_cells}};
+constexpr ParticularOption kParticularOptions[] = {
+    {"--cache", uses_cache},         {"--accuracy", uses_cache},      {"--interpolation", uses_cache},
+    {"--deterministic", uses_cache}, {"--overture", uses_cache},      {"--rays", gathers_hemispheres},
+    {"--leak-guard", uses_cache},    {"--no-leak-guard", uses_cache}, {"--vpls", uses_vpls},
+    {"--cell-size", uses_cells},     {"--paths", uses_cells}};
 
 void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry& integrator) {
   if (o.given_to == nullptr) return;
@@ -85,10 +79,10 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
       ->type_name("NAME");
   CLI::Option* guard = app->add_flag_callback(
       "--leak-guard", [&o] { o.leak_guard = true; },
-      "irradiance_cache: test by short rays that no thin wall stands\nbefore a record (the default at levels "
-      "with ellipses)");
+      "Test by short rays that no thin wall stands before a record (the\ndefault of irradiance_cache but for "
+      "split_sphere)");
   app->add_flag_callback(
-         "--no-leak-guard", [&o] { o.leak_guard = false; }, "irradiance_cache: never test that")
+         "--no-leak-guard", [&o] { o.leak_guard = false; }, "Never test that")
       ->excludes(guard);
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
@@ -114,9 +108,6 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     throw std::runtime_error(fmt::format("--interpolation {}: {} knows {}", o.interpolation, o.integrator,
                                          fmt::join(known, " and ")));
   }
-  if (o.leak_guard.value_or(false) && integrator.uses_vpls && integrator.needs_cache())
-    throw std::runtime_error(
-        fmt::format("--leak-guard: {} gathers no hemisphere; irradiance_cache does", o.integrator));
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
   const Placement placement = placement_of(o.placement);
@@ -162,6 +153,7 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["interpolation"] = options_.interpolation;
     j["deterministic"] = r.deterministic;
     j["overture"] = r.overture;
+    j["leak_guard"] = guards_against_leaks(r);
   }
   if (r.integrator.uses_cells) {
     j["cell_size"] = shortest_decimal(r.cell_size);
@@ -171,7 +163,6 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["vpls"] = r.vpls;
   } else if (r.integrator.needs_cache()) {
     j["rays_per_record"] = r.gather;
-    j["leak_guard"] = guards_against_leaks(r);
   }
   return j;
 }
@@ -194,10 +185,8 @@ void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, cons
     j["bytes_of_details"] = p.bytes_of_details;
     j["lock_wait_share"] =
         1e-9 * static_cast<double>(p.lock_wait_ns) / (cost.seconds_indirect * cost.threads);
-    if (!integrator.uses_vpls) {
-      j["leak_tests"] = p.use.leaks.rays;
-      j["leaks_stopped"] = p.use.leaks.stopped;
-    }
+    j["leak_tests"] = p.use.leaks.rays;
+    j["leaks_stopped"] = p.use.leaks.stopped;
   }
   if (integrator.uses_cells) {
     j["cells"] = p.records;

@@ -127,8 +127,8 @@ void require_plain_records(const RenderOptions& o, const FrameRenderer& renderer
                                                           : "";
   if (option.empty() || renderer.keeps_plain_records()) return;
   throw std::runtime_error(
-      fmt::format("{}: a file holds records that are all there is to them, as irradiance_cache and "
-                  "instant_caching make them without gradients and --leak-guard",
+      fmt::format("{}: a file holds records that are all there is to them, as irradiance_cache makes them "
+                  "by split_sphere, or bounded with --no-leak-guard, and instant_caching by split_sphere",
                   option));
 }
 

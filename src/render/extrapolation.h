@@ -146,7 +146,7 @@ struct RecordDetail {
   glm::vec3 major{0.0f};                             ///< unit, in the tangent plane: elliptic regions only
   float R = 0.0f;                                    ///< metres: records of virtual point lights only
   float inverse_major = 0.0f, inverse_minor = 0.0f;  ///< of the distances to which it is valid, 1/m
-  LeakMarks marks;                                   ///< where leaks are guarded against only
+  LeakMarks marks;                                   ///< where those that are marked are suspects
 };
 
 /// Details by record id. Threads draw ids of their own, in blocks; what a thread writes there before it inserts the
@@ -156,9 +156,9 @@ class RecordDetails {
   static constexpr std::uint32_t kBlock = 16;
   static constexpr std::uint32_t kNone = ~0u;  ///< no id: a record of that id is not extrapolated
 
-  /// For `capacity` records at least, drawn by `threads` threads; `marked`: with marks for the guard against leaks.
-  RecordDetails(std::uint32_t capacity, unsigned threads, bool marked = false)
-      : blocks_(capacity / kBlock + threads + 1), marked_(marked), purses_(threads) {}
+  /// For `capacity` records at least, drawn by `threads` threads; `suspects`: of the guard against leaks.
+  RecordDetails(std::uint32_t capacity, unsigned threads, LeakSuspects suspects = LeakSuspects::none)
+      : blocks_(capacity / kBlock + threads + 1), suspects_(suspects), purses_(threads) {}
 
   /// The id of the record that this thread makes next; the same until keep().
   std::uint32_t draft(unsigned thread);
@@ -169,10 +169,11 @@ class RecordDetails {
     return blocks_[id / kBlock][id % kBlock];
   }
 
-  bool have_marks() const noexcept { return marked_; }
-  /// Those of kNone, too.
+  LeakSuspects suspects() const noexcept { return suspects_; }
+  bool are_guarded() const noexcept { return suspects_ != LeakSuspects::none; }
+  /// Of any record, also without a detail, where leaks are guarded against.
   const LeakMarks& marks(std::uint32_t id) const noexcept {
-    return id == kNone ? kMarkedEverywhere : (*this)[id].marks;
+    return suspects_ == LeakSuspects::all || id == kNone ? kMarkedEverywhere : (*this)[id].marks;
   }
 
   /// Makes room for the details of an id that another table gave to this thread, in blocks of kBlock as here.
@@ -193,7 +194,7 @@ class RecordDetails {
   };
 
   std::vector<std::unique_ptr<RecordDetail[]>> blocks_;  // each written by the thread that drew it
-  bool marked_;
+  LeakSuspects suspects_;
   std::vector<Purse> purses_;
   alignas(kNoSharing) std::atomic<std::uint32_t> next_block_{0};
 };

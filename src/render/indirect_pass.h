@@ -32,7 +32,7 @@ struct PassSetup {
   std::uint64_t seed = 0;
   float cell_size = 8.0f;   ///< of hash cells, pixels
   std::uint32_t paths = 1;  ///< traced from each visible point, for integrators that say so
-  bool leak_guard = false;  ///< of hemisphere gathers (render/leak_guard.h)
+  bool leak_guard = false;  ///< of cached records (render/leak_guard.h)
 };
 
 class IndirectPass {

@@ -39,6 +39,10 @@ inline Compensation compensate_record(Tracer& tracer, const Hit& point, const Vp
                     packing, which);
 }
 
+/// What a pass has to know of its records beside what the cache holds; null where there is nothing to extrapolate by
+/// and no guard against leaks.
+std::unique_ptr<RecordShapes> shapes_beside_cache(const PassSetup& setup);
+
 /// Traces paths of a set anew, by a crew.
 VplChange update_vpls(VplUpdate& update, Crew& crew);
 
@@ -52,6 +56,7 @@ class InstantCachingSource final : public RecordSource {
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
   RecordShapes* shapes() noexcept override { return shapes_.get(); }
+  bool makes_plain_records() noexcept override { return !extrapolated_; }
   void report(PassFigures& figures) const noexcept override;
 
  private:
@@ -59,7 +64,8 @@ class InstantCachingSource final : public RecordSource {
   RadiusRays radius_;
   float clamp_;
   RecordNames names_;
-  std::unique_ptr<RecordShapes> shapes_;  // null: as they are
+  bool extrapolated_;                     // records have details in shapes_
+  std::unique_ptr<RecordShapes> shapes_;  // shapes_beside_cache
 };
 
 }  // namespace icbench

@@ -8,22 +8,24 @@ namespace icbench {
 
 namespace {
 
-RecordShapes make_shapes(const PassSetup& s, float a, const RadiusLimits& limits) {
+RecordShapes make_shapes(const PassSetup& s, float a, const RadiusLimits& limits, LeakSuspects suspects) {
   const auto pixels = static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height);
   return {RecordShaper(s.interpolation, a, s.rays.scene().bounds, limits, s.height),
-          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size(), s.leak_guard)};
+          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size(),
+                        s.leak_guard ? suspects : LeakSuspects::none)};
 }
 
 }  // namespace
 
 RecordShapes make_shapes(const PassSetup& s) {
-  return make_shapes(s, s.a, radius_limits(s.rays.scene().bounds));
+  return make_shapes(s, s.a, radius_limits(s.rays.scene().bounds), LeakSuspects::marked);
 }
 
 RecordShapes make_shapes_of_vpls(const PassSetup& s) {
-  const RadiusLimits limits = RadiusLimits::for_scene(
-      s.rays.scene().bounds, kMinRadiusOfDiagonal / kTurnOfVpls, kMaxRadiusOfDiagonal / kTurnOfVpls);
-  return make_shapes(s, kTurnOfVpls * s.a, limits);
+  const float turn = search_reach(s.interpolation, true);
+  const RadiusLimits limits = RadiusLimits::for_scene(s.rays.scene().bounds, kMinRadiusOfDiagonal / turn,
+                                                      kMaxRadiusOfDiagonal / turn);
+  return make_shapes(s, turn * s.a, limits, LeakSuspects::all);
 }
 
 namespace {
@@ -127,7 +129,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     }
     restrain(detail.gradients, record.E, record.R);
   }
-  if (shapes_.details.have_marks())
+  if (shapes_.details.suspects() == LeakSuspects::marked)
     shapes_.details[record.id].marks = leak_marks(w.seen, shaper.reach(record.R));
   return record;
 }

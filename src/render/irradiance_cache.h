@@ -69,8 +69,8 @@ class HemisphereSource final : public RecordSource {
 
 /// For the records of a pass at its level of interpolation.
 RecordShapes make_shapes(const PassSetup& setup);
-/// For those of virtual point lights, as their cache is asked for them (search_reach): with radii over kTurnOfVpls and an
-/// accuracy times that.
+/// For those of virtual point lights, as their cache is asked for them: with an accuracy times search_reach, and radii
+/// over that.
 RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
 /// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera, by
@@ -98,7 +98,7 @@ class ShapedHemisphereSource final : public RecordSource {
   };
 
   bool has_details() const noexcept {
-    return extrapolates(shapes_.shaper.level()) || shapes_.details.have_marks();
+    return extrapolates(shapes_.shaper.level()) || shapes_.details.are_guarded();
   }
 
   const RayTracer& rays_;
@@ -115,7 +115,7 @@ class ShapedHemisphereSource final : public RecordSource {
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
 
-/// Asks the cache, and tells `source` which records answered. Sum is an Interpolator or an Extrapolator.
+/// Asks the cache, and tells `source` which records answered. Sum is an Interpolator, an Extrapolator or a GuardedSum.
 template <class Session, class Sum>
 std::optional<Irradiance> query_telling(Session& session, RecordSource& source, const SurfacePoint& x,
                                         Sum&& sum) noexcept {
@@ -177,7 +177,9 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
   const auto ask = [&](const SurfacePoint& at) noexcept {
     if (shapes == nullptr)
       return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
-    if (shapes->details.have_marks()) return query_guarded(session, *shapes, tracer, at, use.leaks);
+    if (shapes->details.are_guarded())
+      return telling ? query_telling(session, source, at, GuardedSum(*shapes, tracer, at, use.leaks))
+                     : query_guarded(session, *shapes, tracer, at, use.leaks);
     return telling ? query_telling(session, source, at, Extrapolator(*shapes, at))
                    : query_extrapolating(session, *shapes, at);
   };

@@ -27,8 +27,9 @@ LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept {
     if (!std::isfinite(s.t)) continue;
     const float up = glm::dot(s.d, seen.basis.n);
     const float flat = std::sqrt(std::max(0.0f, 1.0f - up * up));
-    if (!(up < flat && s.t * flat < reach)) continue;
-    marks.nearest = std::min(marks.nearest, s.t * flat * least_share);
+    const float nearest = s.t * flat * least_share;
+    if (!(up < flat && nearest < reach)) continue;
+    marks.nearest = std::min(marks.nearest, nearest);
     // From the beginning of the cell before to the end of the one behind.
     const auto n = static_cast<float>(i % N);
     const std::uint32_t last = sector_at(n + 2.0f, N);

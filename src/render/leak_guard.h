@@ -7,19 +7,23 @@
 // The guard (the idea is that of Radiance's ambient cache by G. Ward, src/rt/ambcomp.c and ambient.c: flags of
 // directions with each value, and a short ray where they warn). When a record is gathered, its tangent plane is divided
 // into kLeakSectors sectors. Those are marked into which a ray went low, less than 45 degrees above the plane, and met
-// something nearer along the plane than the record's reach a R, and so are the sectors of the rays beside it. At a
-// query the record counts as it is in unmarked directions, and everywhere nearer than the nearest thing that was met
-// so, or than a flat wall may be between two rays that met it. Elsewhere it counts only after a ray from the point to
-// the record meets nothing, and not at all if it would bring less than kLeakWorth of what counts already. The ray's
-// ends are lifted off the surfaces by the tracer's epsilon and by shares of their distance: the point's by kLeakLift,
-// so that what is lower than that stops nothing, and the record's by kLeakRise, so that a slit under a wall lets
-// nothing through unless the point lies close behind it.
+// something that is nearer along the plane than the record's reach a R, or of which a flat wall between two rays may
+// be; and so are the sectors of the rays beside it. At a query the record counts as it is in unmarked directions, and
+// everywhere nearer than such a wall may be. Elsewhere it counts only after a ray from the point to the record meets
+// nothing, and not at all if it would bring less than kLeakWorth of what counts already. The ray's ends are lifted off
+// the surfaces by the tracer's epsilon and by shares of their distance: the point's by kLeakLift, so that what is lower
+// than that stops nothing, and the record's by kLeakRise, so that a slit under a wall lets nothing through unless the
+// point lies close behind it.
+//
+// Records by virtual point lights gather no hemisphere, and the few rays that tell their radius pass over a low wall:
+// of these a ray asks for each, wherever the point lies. It meets what stands there now, so that a record which lives
+// on from frame to frame keeps nothing that would have to be renewed.
 //
 // What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
 // lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.
 //
-// Costs: 8 bytes a record, and when off nothing else; at a query one comparison for a record that has marked nothing,
-// and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query
+// Costs: 8 bytes a record with marks, and when off nothing else; at a query one comparison for a record that has marked
+// nothing, and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query
 // are those of its visit and a ray for each record visited.
 #pragma once
 
@@ -59,6 +63,9 @@ struct LeakMarks {
 
 /// What is taken for the marks of a record of which nothing is known.
 inline constexpr LeakMarks kMarkedEverywhere{~0u, 0.0f};
+
+/// Which records have to be asked for: none without a guard, those in whose marks the point lies, or all.
+enum class LeakSuspects : std::uint8_t { none, marked, all };
 
 /// The marks of a record that is valid to the distance `reach`, metres, by what its gather saw.
 LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept;

@@ -59,7 +59,8 @@ TemporalSource::TemporalSource(const PassSetup& s)
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       table_(capacity_of(s), s.crew.size()),
-      shapes_(extrapolates(s.interpolation) ? new RecordShapes(make_shapes_of_vpls(s)) : nullptr),
+      extrapolated_(extrapolates(s.interpolation)),
+      shapes_(shapes_beside_cache(s)),
       workers_(s.crew.size()) {}
 
 RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
@@ -184,7 +185,7 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
   const bool lights_anew = c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id);
   // A radius by gradients needs these; and what is inserted again needs irradiance, which only the cache has.
-  const bool radius_anew = cut != 0 && (shapes_ || radius_of(id, r.distances) > R_before);
+  const bool radius_anew = cut != 0 && (extrapolated_ || radius_of(id, r.distances) > R_before);
   Irradiance& E = renewed_[id];
   if (lights_anew || radius_anew) {
     const bool all = nearby || packing == Packing::fast;
@@ -194,7 +195,7 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
     IrradianceGradients gradients;
     E = light_from(seen, point, gradients) + added.E;
     r.met = static_cast<std::uint32_t>(added.met);
-    if (shapes_) reshape(id, E, gradients);
+    if (extrapolated_) reshape(id, E, gradients);
   }
 
   const float R = radius_of(id, r.distances);
@@ -208,14 +209,14 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
 }
 
 float TemporalSource::radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept {
-  return shapes_ ? shapes_->details[id].R : radius_.radius(distances);
+  return extrapolated_ ? shapes_->details[id].R : radius_.radius(distances);
 }
 
 // Irradiance of the VPLs that are seen, and, where records are extrapolated, its gradients.
 Irradiance TemporalSource::light_from(std::span<const std::uint64_t> seen, const Hit& point,
                                       IrradianceGradients& gradients) const noexcept {
-  return shapes_ ? irradiance_from(seen, point, vpls_.vpls(), clamp_, gradients)
-                 : irradiance_from(seen, point, vpls_.vpls(), clamp_);
+  return extrapolated_ ? irradiance_from(seen, point, vpls_.vpls(), clamp_, gradients)
+                       : irradiance_from(seen, point, vpls_.vpls(), clamp_);
 }
 
 // A kept record's detail and radius, as its light and gradients want them.
@@ -334,9 +335,12 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   IrradianceGradients gradients;
   const Irradiance E = light_from(seen, point, gradients) + added.E;
   r.met = static_cast<std::uint32_t>(added.met);
-  if (!shapes_ || !has_room) return {point.p, point.n, radius_.radius(r.distances), E, id};
-  shapes_->details.make_room(id);
-  return {point.p, point.n, reshape(id, E, gradients), E, id};
+  const float R = radius_.radius(r.distances);
+  if (!extrapolated_) return {point.p, point.n, R, E, id};
+  RecordDetail thrown_away;
+  if (has_room) shapes_->details.make_room(id);
+  RecordDetail& detail = has_room ? shapes_->details[id] : thrown_away;
+  return {point.p, point.n, shapes_->shaper.shape_of_vpls(R, E, gradients, detail), E, id};
 }
 
 void TemporalSource::settle(unsigned thread, const Record& record, InsertResult result) noexcept {
@@ -367,7 +371,7 @@ void TemporalSource::report(PassFigures& figures) const noexcept {
   figures.light_paths = figures_.light_paths;
   figures.light_paths_retraced = figures_.light_paths_retraced;
   figures.vpls_in_use = vpls_.count();
-  if (shapes_) figures.bytes_of_details = shapes_->details.bytes();
+  if (extrapolated_) figures.bytes_of_details = shapes_->details.bytes();
   figures.bytes_beside_cache = table_.bytes() + figures.bytes_of_details;
 }
 

@@ -30,7 +30,7 @@
 // number stays near the number in use, for ever; between such frames queries tell nothing and nothing is paid for.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
-// sum, and bound the radius; they are as exact as it is.
+// sum, and bound the radius; they are as exact as it is. A guard against leaks (render/leak_guard.h) keeps nothing.
 //
 // Memory beside the cache's: 48 bytes and a bit a VPL for each record (render/record_table.h), and for the VPLs; while
 // an update lasts, 13 bytes a record more.
@@ -151,7 +151,8 @@ class TemporalSource final : public RecordSource {
   RadiusRays radius_;
   float clamp_;
   RecordTable table_;
-  std::unique_ptr<RecordShapes> shapes_;  // by the ids of table_; null: records as they are
+  bool extrapolated_;                     // records have details in shapes_, by the ids of table_
+  std::unique_ptr<RecordShapes> shapes_;  // shapes_beside_cache
   std::vector<Worker> workers_;
   MovingShadows moving_;  // of this frame
   // While an update lasts, by id.

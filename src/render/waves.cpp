@@ -65,7 +65,7 @@ void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
       query.extrapolator ? query.extrapolator->of(r, weight) : Contribution{r.E, weight, true};
   if (!(c.w > 0.0f)) return;
   std::uint32_t ray = kTrusted;
-  if (marked_ && is_suspect(x, r, shapes_->details.marks(r.id))) {
+  if (guarded_ && is_suspect(x, r, shapes_->details.marks(r.id))) {
     ray = static_cast<std::uint32_t>(query.rays.size());
     query.rays.push_back(leak_ray(tracer_->shared(), x, r));
   }

@@ -61,7 +61,7 @@ class Answers {
       : source_(source),
         shapes_(source.shapes()),
         clamps_(shapes_ != nullptr && shapes_->clamps_to_neighbours()),
-        marked_(shapes_ != nullptr && shapes_->details.have_marks()) {}
+        guarded_(shapes_ != nullptr && shapes_->details.are_guarded()) {}
 
   /// Who traces the rays of the guard against leaks from now on, and counts them.
   void guard_by(Tracer& tracer, LeakTests& tests) noexcept {
@@ -103,7 +103,7 @@ class Answers {
 
   RecordSource& source_;
   const RecordShapes* shapes_;
-  bool clamps_, marked_, tells_use_ = false;
+  bool clamps_, guarded_, tells_use_ = false;
   Tracer* tracer_ = nullptr;
   LeakTests* tests_ = nullptr;
   std::span<const SurfacePoint> points_;

@@ -36,7 +36,7 @@ double timed(F&& f) {
 }  // namespace
 
 bool guards_against_leaks(const FrameRequest& r) noexcept {
-  return r.leak_guard.value_or(!r.integrator.uses_vpls && is_elliptic(r.interpolation));
+  return r.leak_guard.value_or(!r.integrator.uses_vpls && r.interpolation != Interpolation::split_sphere);
 }
 
 CacheConfig cache_config(const FrameRequest& r, unsigned threads) {

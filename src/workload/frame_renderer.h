@@ -38,7 +38,7 @@ struct FrameRequest {
   std::uint32_t paths = 1;                               ///< hash_cells: paths from each visible point
   bool deterministic = false;                            ///< cached pictures too depend on no schedule
   bool overture = false;                                 ///< all records are made before the picture is
-  std::optional<bool> leak_guard{};                      ///< irradiance_cache: guards_against_leaks
+  std::optional<bool> leak_guard{};                      ///< cached integrators: guards_against_leaks
   float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
   bool keeps_residual = false;  ///< its layer, too
   std::vector<Record>
@@ -46,7 +46,8 @@ struct FrameRequest {
   TraceRecorder* trace = nullptr;  ///< captures what is asked of the cache, if that is not deterministic
 };
 
-/// Whether leaks through thin walls are guarded against (render/leak_guard.h). Where that is left open: at levels with ellipses, whose records reach farthest.
+/// Whether leaks through thin walls are guarded against (render/leak_guard.h). Where that is left open: hemisphere
+/// gathers' records but the plain ones of the split sphere, which ends before a high wall at fine accuracies.
 bool guards_against_leaks(const FrameRequest& request) noexcept;
 
 /// The cache that a request is met with, for a crew of that size.
