@@ -3,9 +3,9 @@
 //
 // Through the wall, from one of its sides to the other, nothing passes. Along a floor that runs on under it records are
 // valid on both sides: nothing passes with the guard against leaks; without it light gets as far as the region of a
-// record reaches. Before a high wall the harmonic mean distance of a
-// floor is 3 pi / 2 times that to the wall, or less where other things are near, so that with an accuracy below
-// 2 / (3 pi) = 0.21 a split sphere ends before the wall, unless its radius is the least that records have.
+// record reaches. Before a high wall the harmonic mean distance of a floor is 3 pi / 2 times that to the wall, or less
+// where other things are near, so that with an accuracy below 2 / (3 pi) = 0.21 a split sphere ends before the wall,
+// unless its radius is the least that records have.
 #include <gtest/gtest.h>
 
 #include <algorithm>

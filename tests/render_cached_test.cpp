@@ -298,6 +298,34 @@ TEST(RenderExtrapolation, NormalsTurnFartherWhereVirtualLightsGaveTheRecord) {
   EXPECT_FALSE(is_valid(0.51f * kA, 1.5f * kA));
 }
 
+// Guards against: records that count three times as far as others because there was no room for their gradients.
+TEST(RenderExtrapolation, RecordsOfVirtualLightsReachNoFartherWhereThereIsNoRoomForTheirDetails) {
+  const RayTracer rays(make_scene("cornell_box"));
+  ThreadCrew crew(rays, 1);
+  const PrimaryHits primary = primary_hits(rays, 4, 4);
+  const Visible x = primary.at(5, 0);
+  ASSERT_TRUE(reflects(rays, x.hit));
+  for (const RecordKind& kind : record_kinds_by_vpls()) {
+    if (!extrapolates(kind.level)) continue;
+    PassSetup setup{rays, crew, 4, 4};
+    setup.vpls = 16;
+    setup.interpolation = kind.level;
+    const auto source = kind.make(setup);
+    source->begin_frame({}, crew);
+    Tracer tracer(rays);
+    std::uint32_t made = 0;
+    const Record first = source->evaluate(0, tracer, x, {});
+    for (Record r = first; r.id != RecordDetails::kNone; ++made) {
+      ASSERT_EQ(r.R, first.R) << kind.name;
+      ASSERT_LT(made, 1u << 16) << "there is always room";
+      source->settle(0, r, InsertResult::inserted);
+      r = source->evaluate(0, tracer, x, {});
+    }
+    EXPECT_GT(made, 16u);
+    EXPECT_EQ(source->evaluate(0, tracer, x, {}).R, first.R) << kind.name;
+  }
+}
+
 // At each level of interpolation, through the simplest cache of all.
 class RenderInterpolation : public ::testing::TestWithParam<InterpolationEntry> {
  protected:
