@@ -228,7 +228,7 @@ class RecordsAtEqualError : public Judged {
       kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
 };
 
-// What could be had by adding records to those that the occlusion Hessian makes.
+// What adding records to those that the occlusion Hessian makes would gain, pixel by pixel.
 class RecordsMended : public RecordsAtEqualError {
  public:
   RecordsMended(const Machine& machine, std::string_view scene)

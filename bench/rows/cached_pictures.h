@@ -37,9 +37,10 @@ enum class Hits : std::uint8_t { all, along_axes };
 std::unique_ptr<Experiment> records_at_equal_error(const Machine& machine, std::string_view scene,
                                                    Hits which);
 
-/// The least that adding records to those of the occlusion Hessian could make of the same figure: its records and, for
-/// one record each, the pixels that someone who knows every error mends, the worst first, until the split sphere's error
-/// is reached; at the accuracy where these are fewest together. A sample is one seed. Needs no quiet.
+/// What the same figure would be if someone who knows every error mended pictures of the occlusion Hessian: its records
+/// and, for one record each, the worst pixels, until the split sphere's error is reached; at that accuracy of a few
+/// where these are fewest together. No bound: a record may mend its neighbours, too. A sample is one seed. Needs no
+/// quiet.
 std::unique_ptr<Experiment> records_mended(const Machine& machine, std::string_view scene);
 
 /// Relative mean squared error of the best cached picture that takes no longer than path tracing with `spp` samples,

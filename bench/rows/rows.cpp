@@ -215,9 +215,9 @@ void add_pictures(std::vector<Row>& rows) {
             return records_at_equal_error(machine, scene, which);
           });
     }
-    add(fmt::format("records_bound_{}", scene),
-        fmt::format("the same of {} if whoever knew every error mended the worst pixels of pictures by the "
-                    "occlusion Hessian, for one record each",
+    add(fmt::format("records_mended_{}", scene),
+        fmt::format("the same of {} if someone who knows every error mended the worst pixels of pictures by "
+                    "the occlusion Hessian, for one record each",
                     scene),
         0.5, [scene](const Machine& machine) { return records_mended(machine, scene); });
   }

@@ -126,10 +126,10 @@ void require_plain_records(const RenderOptions& o, const FrameRenderer& renderer
                                   : !o.save_cache.empty() ? "--save-cache"
                                                           : "";
   if (option.empty() || renderer.keeps_plain_records()) return;
-  throw std::runtime_error(
-      fmt::format("{}: a file holds records that are all there is to them, as irradiance_cache makes them "
-                  "by split_sphere, or bounded with --no-leak-guard, and instant_caching by split_sphere",
-                  option));
+  throw std::runtime_error(fmt::format(
+      "{}: a file holds records that are all there is to them, as irradiance_cache makes them "
+      "by split_sphere or bounded, unguarded (--no-leak-guard), and instant_caching by split_sphere",
+      option));
 }
 
 void save_records(const RenderOptions& o, const FrameRequest& request, const CacheContent& content,

@@ -19,12 +19,14 @@
 // of these a ray asks for each, wherever the point lies. It meets what stands there now, so that a record which lives
 // on from frame to frame keeps nothing that would have to be renewed.
 //
-// What it cannot know. Things that no ray of the gather met: thinner than the gap between two rays, or lower than the
-// lowest ray sees. Glass counts as a wall. A record that is stopped without need costs another record, no light.
+// What it cannot know. Of marked records: things that no ray of the gather met, thinner than the gap between two rays
+// or lower than the lowest ray sees. Of all: what is lower than the ends of the ray. Glass counts as a wall. A record
+// that is stopped without need costs another record, no light.
 //
-// Costs: 8 bytes a record with marks, and when off nothing else; at a query one comparison for a record that has marked
-// nothing, and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps of a query
-// are those of its visit and a ray for each record visited.
+// Costs: marks are 8 bytes of a RecordDetail, which records that are extrapolated have anyway and others get for it.
+// Unguarded, nothing. At a query one comparison for a record that has marked nothing, and one ray at most, kLeakPacket
+// traced together, for each record that is valid at the point. So the steps of a query are those of its visit and a ray
+// for each record visited.
 #pragma once
 
 #include <cmath>
