@@ -47,8 +47,11 @@ class Render(Case):
         self.assertEqual((len(pictures), len(records)), (1, 1))
 
     def test_a_loaded_cache_spares_the_work(self):
-        for options in {"integrator": "irradiance_cache"}, {"integrator": "instant_caching", "vpls": 8}:
-            plain = small_render(threads=1, cache="packed_wait_free", out="a.exr", json="a.json", **options)
+        for options, flags in (({"integrator": "irradiance_cache", "interpolation": "bounded"}, ["--no-leak-guard"]),
+                               ({"integrator": "irradiance_cache"}, []),
+                               ({"integrator": "instant_caching", "vpls": 8}, ["--leak-guard"]),
+                               ({"integrator": "instant_caching", "vpls": 8}, [])):
+            plain = small_render(threads=1, cache="packed_wait_free", out="a.exr", json="a.json", **options) + flags
             self.succeed(*plain, "--save-cache", "room.cache")
             cold = self.load("a.json")
             self.succeed(*plain, "--load-cache", "room.cache", "--save-cache", "again.cache")
