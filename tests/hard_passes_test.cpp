@@ -89,7 +89,7 @@ TEST_P(HardPasses, WavesAndOverturesMakeImagesOfTheRightBrightness) {
     const RayTracer rays(hard.make());
     const PrimaryHits primary = primary_hits(rays, kSize, kSize);
     Level level{.level = GetParam().level, .gather_rays = 256};
-    const unsigned runs = by_vpls ? 1 : hard.runs, runs_each = (runs + kWayCount - 1) / kWayCount;
+    const unsigned runs = by_vpls ? 1 : hard.runs, runs_each = (runs + 2) / 3;
     const double anew =
         hard.is_bright() ? mean_without_cache(rays, primary, level, by_vpls, hard.gathers()) : 0.0;
     double of_all = 0.0;

@@ -18,10 +18,9 @@
 #include <span>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
-#include "core/random.h"
-#include "render/moved_boxes.h"
 #include "render_support.h"
 #include "scene/registry.h"
 #include "temporal_scenes.h"
@@ -447,61 +446,6 @@ TEST(Temporal, ItsPicturesAreThoseOfStaticInstantCaching) {
     }
   }
   EXPECT_NEAR(kept / fresh, 1.0, 0.01);
-}
-
-TEST(MovedBoxes, EverySegmentThatMeetsTheMeshIsTold) {
-  Scene scene = animated_room({.rigid = true});
-  RayTracer rays(scene);
-  const std::uint32_t moving = static_cast<std::uint32_t>(scene.meshes.size() - 1);
-  Tracer tracer(rays);
-  Pcg32 random(7);
-  std::uint64_t meeting = 0, told = 0;
-  for (std::uint32_t frame = 1; frame < 16; ++frame) {
-    const MovedBoxes boxes(rays.go_to(static_cast<float>(frame)), rays.epsilon());
-    for (int i = 0; i < 2000; ++i) {
-      const auto point = [&] {
-        return glm::vec3(1.98f * random.uniform() - 0.99f, 1.98f * random.uniform() + 0.01f,
-                         1.98f * random.uniform() - 0.99f);
-      };
-      const glm::vec3 from = point(), to = point();
-      const Hit hit = tracer.intersect(Ray{from, 1.0f, to - from});
-      const bool meets = boxes.meet(from, to);
-      told += meets;
-      if (hit.missed() || hit.mesh != moving) continue;
-      ++meeting;
-      ASSERT_TRUE(meets);
-      // And where it ends on the mesh, or begins there.
-      ASSERT_TRUE(boxes.meet(from, hit.p));
-      ASSERT_TRUE(boxes.meet(hit.p, to));
-    }
-  }
-  EXPECT_GT(meeting, 200u);
-  EXPECT_LT(told, 15 * 2000 / 3) << "hardly a segment is spared";
-}
-
-TEST(MovedBoxes, ManySegmentsAtOnceAreJudgedAsOneByOne) {
-  RayTracer rays(animated_room({true, true, false, false, false}));
-  const MovedBoxes boxes(rays.go_to(3.0f), rays.epsilon());
-  Pcg32 random(3);
-  std::vector<float> x, y, z;
-  // A word to the left, which may be passed by as a whole, one to the right, and two points anywhere.
-  for (int i = 0; i < 130; ++i) {
-    x.push_back(i < 64    ? 0.3f * random.uniform() - 1.0f
-                : i < 128 ? 1.0f - 0.3f * random.uniform()
-                          : 2.0f * random.uniform() - 1.0f);
-    y.push_back(2.0f * random.uniform());
-    z.push_back(2.0f * random.uniform() - 1.0f);
-  }
-  const SegmentEnds ends(boxes, {x.data(), y.data(), z.data(), x.size()});
-  for (int k = 0; k < 500; ++k) {
-    const glm::vec3 from(2.0f * random.uniform() - 1.0f, 2.0f * random.uniform(),
-                         2.0f * random.uniform() - 1.0f);
-    std::vector<std::uint64_t> hits(3);
-    ends.mark(from, hits);
-    for (std::size_t i = 0; i < x.size(); ++i)
-      ASSERT_EQ((hits[i / 64] >> (i % 64)) & 1u, boxes.meet(from, {x[i], y[i], z[i]}));
-    ASSERT_EQ(hits[2] >> 2, 0u);
-  }
 }
 
 }  // namespace
