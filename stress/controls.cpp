@@ -44,6 +44,8 @@ constexpr Control kControls[] = {
      Check::integrity, 0.0, false, &run_round<MergeDropsLast<DelaySync, DelayPlainSync>>},
     {"clear_leaves_one", "one record survives clear", Check::integrity, 0.0, false,
      &run_round<ClearLeavesOne<DelaySync>>},
+    {"update_keeps_copies", "an update that drops nothing leaves the copies that queries read as they were",
+     Check::integrity, 0.0, false, &run_round<UpdateKeepsCopies<DelaySync>>},
     {"replicated_without_commit", "copies of a record appear one after the other",
      Check::per_record_linearizable, 0.0, false, &run_round<ReplicatedWithoutCommit<DelaySync>>},
     {"lock_released_early", "the lock is released before the work is done", Check::integrity, 0.0, false,

@@ -313,6 +313,33 @@ TEST_P(Contract, UpdateKeepsChangesAndDrops) {
   }
 }
 
+TEST_P(Contract, AnUpdateThatDropsNothingReachesAllCopiesToo) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  std::vector<Record> records = random_records(1000, 54);
+  for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted);
+  cache.end_frame();
+  const auto renew = [](Record& r) {
+    r.E = Irradiance(static_cast<float>(r.id) + 1.0f);
+    if (r.id % 2 == 0) r.R *= 0.5f;
+    return UpdateResult::keep;
+  };
+  cache.update_records(renew);
+  for (Record& r : records) renew(r);
+  Pcg32 rng(55);
+  std::size_t shown = 0;
+  for (int i = 0; i < 500; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    ASSERT_EQ(seen(session, x), oracle(records, x, cache.config().a));
+    session.visit(x, [&](const Record& r, float) {
+      ++shown;
+      EXPECT_EQ(r.E, Irradiance(static_cast<float>(r.id) + 1.0f)) << "record " << r.id << " is the old one";
+    });
+  }
+  EXPECT_GT(shown, 500u);
+}
+
 TEST_P(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   constexpr std::uint32_t kCapacity = 400;

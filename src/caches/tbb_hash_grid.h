@@ -87,7 +87,7 @@ class TbbHashGrid {
     }
   }
 
-  /// Builds all anew if anything is dropped. Quiescent.
+  /// Builds all anew if anything is dropped, else brings the copies in cells up to date. Quiescent.
   template <class F>
   void update(F&& f) {
     std::vector<UpdateResult> verdicts(records_.size());
@@ -98,7 +98,11 @@ class TbbHashGrid {
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
-    if (kept.size() == verdicts.size()) return;
+    if (kept.size() == verdicts.size()) {
+      for (auto& [key, cell] : cells_)
+        for (Entry& entry : cell.entries) entry.record = entry.stored->record;
+      return;
+    }
     clear();
     parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) insert(kept[i]);

@@ -63,6 +63,7 @@ class Slots {
   std::uint32_t take() noexcept { return taken_.fetch_add(1, std::memory_order_relaxed) + 1; }
   std::uint32_t taken() const noexcept { return taken_.load(std::memory_order_relaxed); }
   Slot& slot(std::uint32_t i) const noexcept { return slots_[i]; }
+  std::uint32_t capacity() const noexcept { return capacity_; }
 
   template <class F>
   static void test(const Slot& s, const SurfacePoint& x, float a, F& f) noexcept {
@@ -268,6 +269,63 @@ class ReplicatedList : public Slots<Sync> {
   SharedWord turn_{0};
 };
 
+/// Queries read copies of the records. An update that drops something makes all copies anew; one that only changes
+/// records leaves those as they were.
+template <class Sync>
+class UpdateKeepsCopiesList : public Slots<Sync> {
+  using Base = Slots<Sync>;
+  using typename Base::Slot;
+
+ public:
+  using typename Base::Workspace;
+  static constexpr CacheTraits kTraits =
+      broken_traits("update_keeps_copies", Consistency::per_record_linearizable);
+
+  explicit UpdateKeepsCopiesList(const CacheConfig& config)
+      : Base(config), copies_(std::make_unique<Slot[]>(config.capacity + 1)) {}
+
+  template <class Counters>
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    const std::uint32_t i = this->take();
+    this->publish(this->slot(i), r);
+    this->publish(copies_[i], r);
+    return true;
+  }
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    const std::uint32_t end = this->taken();
+    for (std::uint32_t i = 1; i <= end; ++i) this->test(copies_[i], x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    bool dropped = false;
+    Base::update([&](Record& r) {
+      const UpdateResult verdict = f(r);
+      dropped |= verdict == UpdateResult::drop;
+      return verdict;
+    });
+    if (dropped) copy_all();
+  }
+  void clear() {
+    Base::clear();
+    for (std::uint32_t i = 0; i <= this->capacity(); ++i) {
+      copies_[i].record = {};
+      copies_[i].ready.store(0, std::memory_order_relaxed);
+    }
+  }
+
+ private:
+  void copy_all() {
+    for (std::uint32_t i = 1; i <= this->taken(); ++i) {
+      const Slot& s = this->slot(i);
+      copies_[i].record = s.record;
+      copies_[i].ready.store(s.ready.load(std::memory_order_relaxed), std::memory_order_relaxed);
+    }
+  }
+
+  std::unique_ptr<Slot[]> copies_;
+};
+
 /// A batch loads all records before it looks at the marks that publish them: it may show what was half written then.
 template <class Sync>
 class BatchLoadsAheadList : public Slots<Sync> {
@@ -446,6 +504,8 @@ template <class Sync>
 using BatchKeepsExtent = Direct<BatchKeepsExtentList<Sync>>;
 template <class Sync>
 using ReplicatedWithoutCommit = Direct<ReplicatedList<Sync>>;
+template <class Sync>
+using UpdateKeepsCopies = Direct<UpdateKeepsCopiesList<Sync>>;
 template <class Sync, class Plain>
 using LockReleasedEarly = Locked<UnsharedList<Plain>, EarlyRelease<Sync>>;
 template <class Sync, class Plain>

@@ -1,4 +1,5 @@
-// The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp.
+// The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp,
+// without `update_keeps_copies`: no scenario updates anything.
 #include "caches/registry.h"
 #include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
