@@ -10,8 +10,9 @@ import sys
 import unittest
 from pathlib import Path
 
-from plots_support import (kFewWorkloads, kPlots, kRoot, InFolder, model_anatomy, model_pareto,
-                           model_repeatability, model_simulated, model_verdicts, write_results)
+from plots_models import (kFewWorkloads, kPlots, kRoot, model_anatomy, model_pareto, model_repeatability,
+                          model_simulated, model_verdicts)
+from plots_support import InFolder, write_results
 
 
 class MainJob(InFolder):

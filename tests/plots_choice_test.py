@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Tests of what the report concludes: scaling laws, which scheme to use, and what differs between runs."""
+"""Tests of what the report concludes: scaling laws, and which scheme to use."""
 from __future__ import annotations
 
 import json
@@ -9,21 +9,15 @@ import unittest
 import numpy as np
 import pandas as pd
 
-from plots_support import InFolder, few_caches, kFewWorkloads, model_results, model_simulated, run, write_results
+from plots_models import kFewWorkloads, few_caches, model_results, model_simulated
+from plots_support import InFolder, write_results
 
 import choice
 import choice_page
-import comparison
-import comparison_page
-import explorer
-import interactive
-import machine_differences
-import machine_throughput
 import results
 import scalability
 import scaling_law
 import simulated
-import style
 import tables
 from figure import Omitted
 
@@ -346,171 +340,6 @@ class Choice(InFolder):
         self.assertEqual(list(kinds.values())[6:], ["a lock in every node", "local write", "wait-free",
                                                     "wait-free with snapshot queries", "no synchronisation",
                                                     "something new"])
-
-
-class Comparison(InFolder):
-    """Two runs whose caches differ by known factors."""
-    kFactors = {"packed_wait_free": 1.1, "packed_global_mutex": 0.8}
-
-    def file(self, name: str, changed: bool = False, **options):
-        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 2, 8), errors=False,
-                             repetitions=9, **options)
-        random = np.random.default_rng(8 if changed else 9)
-        for row in data["benchmarks"]:
-            factor = self.kFactors.get(row["cache"], 1.0) if changed else 1.0
-            row["items_per_second"] *= factor * math.exp(random.normal(0, 0.01))
-            row["queries"] = row["items_per_second"] * row["real_time"] * 1e-3
-            row["time_unit"] = "ms"
-        return write_results(self.folder / name / "results.json", data)
-
-    def compared(self, **second) -> comparison.Comparison:
-        setups = results.load([self.file("a"), self.file("b", True, **{"commit": "fedcba9876543210"} | second)])
-        found = comparison.comparisons(setups)
-        self.assertEqual(len(found), 1)
-        return found[0]
-
-    def test_known_factors_are_found_whether_paired_or_not(self):
-        for seed in (42, 43):
-            one = self.compared(seed=seed)
-            self.assertEqual((one.one_machine, one.paired), (True, seed == 42))
-            table = one.overall[one.overall["metric"] == "items_per_second"].set_index(["cache", "threads"])
-            for (cache, threads), line in table.iterrows():
-                truth = self.kFactors.get(cache, 1.0)
-                self.assertAlmostEqual(line["ratio"], truth, delta=0.03 * truth)
-                self.assertTrue(line["low"] - 0.015 <= truth <= line["high"] + 0.015, (cache, threads))
-                if cache in self.kFactors:
-                    self.assertEqual(line["verdict"], "better" if truth > 1 else "worse")
-
-    def test_the_same_rows_differ_in_nothing(self):
-        again = json.loads(self.file("a").read_text())
-        again["context"]["commit"] = "fedcba9876543210"
-        setups = results.load([self.folder / "a/results.json", write_results(self.folder / "c.json", again)])
-        one = comparison.comparisons(setups)[0]
-        self.assertTrue((one.cells["ratio"] == 1).all())
-        self.assertTrue((one.cells["verdict"] == "undecided").all())
-
-    def test_two_repetitions_decide_nothing(self):
-        paths = []
-        for commit in ("0" * 16, "1" * 16):
-            data = json.loads(self.file("a").read_text())
-            data["context"]["commit"] = commit
-            data["benchmarks"] = [r for r in data["benchmarks"] if r["repetition_index"] < 2]
-            for row in data["benchmarks"]:
-                row["items_per_second"] *= 2 if commit[0] == "1" else 1
-                row["queries"] *= 2 if commit[0] == "1" else 1
-            paths.append(write_results(self.folder / f"{commit}.json", data))
-        one = comparison.comparisons(results.load(paths))[0]
-        self.assertTrue((one.cells["verdict"] == "undecided").all())
-        self.assertTrue(one.cells["low"].isna().all())
-
-    def test_machines_are_told_apart(self):
-        paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"), self.file("c", host_name="other"),
-                 self.file("d", host_name="other", commit="fedcba9876543210")]
-        found = comparison.comparisons(results.load(paths))
-        self.assertEqual([(one.label, one.one_machine) for one in found],
-                         [("model: commit fedcba987654 over commit 0123456789ab", True),
-                          ("other: commit fedcba987654 over commit 0123456789ab", True),
-                          ("other over model", False)])
-        self.assertIn(("host_name", "model", "other"), found[2].differing)
-        self.assertIn("Two machines", comparison_page.section(found[2], ""))
-
-    def test_a_change_on_several_machines_has_a_panel_a_machine_and_no_mean_over_them(self):
-        paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"),
-                 self.file("c", host_name="other", cores=2), self.file("d", host_name="other", cores=2,
-                                                                       commit="fedcba9876543210")]
-        setups = results.load(paths)
-        found = comparison.comparisons(setups)
-        change, = comparison.same_changes(found)
-        self.assertEqual(change.label, "commit fedcba987654 over commit 0123456789ab on 2 machines")
-        built = machine_differences.build(change)
-        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates],
-                         [["model, 8 threads", "other, 2 threads"]] * 3)
-        first, second = (one.cells[one.cells["metric"] == "items_per_second"] for one in change.parts)
-        for name, cells in (("model", first), ("other", second)):
-            mine = built.table[built.table["machine"] == name]
-            self.assertEqual(list(mine["ratio"]), list(cells["ratio"]))
-        # The dots of a panel are those of its machine alone.
-        for panel, one in zip(built.plates[0].panels, change.parts):
-            axes = style.matplotlib.figure.Figure().add_axes([0, 0, 1, 1])
-            panel.draw(axes, style.kReport)
-            threads = comparison.full_threads(one)
-            known = one.overall[(one.overall["metric"] == "items_per_second") & (one.overall["threads"] == threads)]
-            dots = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
-            self.assertEqual(sorted(dots), sorted(known["ratio"]))
-        # Another change on the second machine is no change of both.
-        other = self.file("e", host_name="other", commit="1" * 16)
-        self.assertEqual(comparison.same_changes(comparison.comparisons(results.load([*paths[:3], other]))), [])
-        alone = run("machine_differences.py", *paths[:2])
-        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
-
-    def test_a_version_on_several_machines_has_a_panel_a_machine(self):
-        paths = [self.file("a"), self.file("b", commit="fedcba9876543210"), self.file("c", host_name="other"),
-                 self.file("d", host_name="other", compiler="another"), self.file("e", host_name="third", commit=None)]
-        version, = comparison.one_versions(results.load(paths))
-        self.assertEqual(version.label, "commit 0123456789ab on 2 machines")
-        built = machine_throughput.build(version)
-        names = ["model", "other, compiler GNU 12.2.0", "other, compiler another"]
-        self.assertEqual([[panel.title for panel in plate.panels] for plate in built.plates], [names] * 2)
-        self.assertIn("the builds of this version differ in compiler", built.notes)
-        for name, setup in zip(names, version.setups):
-            medians = setup.rows.groupby(["panel", "cache", "threads"])["items_per_second"].median()
-            mine = built.table[built.table["machine"] == name].set_index(["panel", "cache", "threads"])["median"]
-            self.assertEqual(mine.to_dict(), medians.to_dict())
-        alone = run("machine_throughput.py", *paths[:2])
-        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
-
-    def test_cells_of_one_run_alone_are_counted(self):
-        data = json.loads(self.file("b", True, commit="fedcba9876543210").read_text())
-        data["benchmarks"] = [r for r in data["benchmarks"] if r["threads"] != 2]
-        setups = results.load([self.file("a"), write_results(self.folder / "b.json", data)])
-        one = comparison.comparisons(setups)[0]
-        self.assertEqual(one.alone, (8, 0))  # four caches that many threads may use, two workloads
-        self.assertIn("8 cells were measured by the first run alone, 0 by", comparison_page.section(one, ""))
-
-    def test_the_page_names_the_largest_differences(self):
-        page = comparison_page.section(self.compared(), "")
-        self.assertIn("chance alone would make about", page)
-        self.assertRegex(page, r"<td>packed_global_mutex</td>.*?class=\"n bad\">0\.[78]")
-        self.assertRegex(page, r"<td>packed_wait_free</td>.*?class=\"n good\">1\.[01]")
-        self.assertIn("<td>commit</td>", page)
-
-    def test_the_figure_needs_two_runs(self):
-        alone = run("run_differences.py", self.file("a"))
-        self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))
-        self.assertIn("one machine and build; a comparison needs two", alone.stderr)
-        self.good("run_differences.py", self.file("a"), self.file("b", True, commit="fedcba9876543210"), "--out",
-                  self.folder / "out")
-        self.assertTrue((self.folder / "out/run_differences.pdf").exists())
-
-
-class Interactive(InFolder):
-    def test_data_cannot_end_their_element(self):
-        made = interactive.data("d", {"<b>": "</script><!-- & -->"})
-        self.assertEqual(made.count("<"), 2)
-        inner = made[made.index(">") + 1:made.rindex("<")]
-        self.assertEqual(json.loads(inner), {"<b>": "</script><!-- & -->"})
-
-    def test_the_explorer_has_every_median(self):
-        setup = results.load([self.results()])[0]
-        made = explorer.collected(setup)
-        cells, throughput = made["cells"], made["metrics"][0]
-        self.assertEqual(len(cells["p"]), len(setup.rows.drop_duplicates(["panel", "cache", "threads"])))
-        medians = setup.rows.groupby(["panel", "cache", "threads"])["items_per_second"].median()
-        for p, c, t, m in zip(cells["p"], cells["c"], cells["t"], throughput["m"]):
-            expected = medians[made["panels"][p], made["caches"][c]["name"], t] * 1e-6
-            self.assertAlmostEqual(m, expected, delta=1e-3 * expected)
-        self.assertEqual(made["families"]["cost"], [["miss driven", [[1, 1], [64, 2]]]])
-
-    def test_without_the_library_the_page_says_so(self):
-        setup = results.load([self.results()])[0]
-        known, interactive.kLibraries = interactive.kLibraries, ("/nowhere/chart.min.js",)
-        try:
-            self.assertIn("libjs-chart.js is not installed", explorer.section(setup, ""))
-            scripts = interactive.scripts()
-        finally:
-            interactive.kLibraries = known
-        self.assertIn("icbench-choice", scripts)
-        self.assertNotIn("icbench-explorer", scripts)
 
 
 if __name__ == "__main__":

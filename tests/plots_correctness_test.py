@@ -8,7 +8,8 @@ import subprocess
 import unittest
 from pathlib import Path
 
-from plots_support import kCycle, InFolder, References, model_verdicts, read_csv, run, write_results
+from plots_models import kCycle, model_verdicts
+from plots_support import InFolder, References, read_csv, run, write_results
 
 import correctness
 import correctness_page

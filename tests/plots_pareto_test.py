@@ -9,7 +9,8 @@ import unittest
 import matplotlib.image
 import numpy as np
 
-from plots_support import InFolder, model_pareto, run, write_results
+from plots_models import model_pareto
+from plots_support import InFolder, run, write_results
 
 import pareto_choice
 import pareto_page

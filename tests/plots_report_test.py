@@ -13,9 +13,9 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 
-from plots_support import (kContext, kFewWorkloads, InFolder, References, few_caches, model_anatomy,
-                           model_caches, model_preempt, model_repeatability, model_results,
-                           model_simulated, model_timeline, read_csv, run, write_results)
+from plots_models import (kContext, kFewWorkloads, few_caches, model_anatomy, model_caches, model_preempt,
+                          model_repeatability, model_results, model_simulated, model_timeline)
+from plots_support import InFolder, References, read_csv, run, write_results
 
 import anatomy_page
 import anatomy_results
