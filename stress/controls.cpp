@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "caches/registry.h"
+#include "stress/broken/copies.h"
 #include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
 #include "stress/delay_sync.h"

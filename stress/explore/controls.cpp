@@ -1,6 +1,7 @@
 // The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp,
 // without `update_keeps_copies`: no scenario updates anything.
 #include "caches/registry.h"
+#include "stress/broken/copies.h"
 #include "stress/broken/lists.h"
 #include "stress/broken/trees.h"
 #include "stress/explore/subject.h"
