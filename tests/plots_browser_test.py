@@ -11,7 +11,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from plots_models import kWorkloads, few_caches, model_pareto, model_results, model_simulated
+from plots_models import few_caches, model_pareto, model_results, model_simulated
 from plots_support import write_results
 
 import browser

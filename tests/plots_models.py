@@ -13,8 +13,6 @@ kRoot = Path(__file__).resolve().parent.parent
 kPlots = kRoot / "plots"
 sys.path.insert(0, str(kPlots))
 
-import results  # noqa: E402
-
 kMechanisms = {  # contention, coherency, single-thread speed of the model
     "sequential": ("none", 0.0, 0.0, 1.05),
     "global_mutex": ("global_mutex", 0.9, 0.02, 0.82),

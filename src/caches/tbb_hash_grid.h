@@ -98,11 +98,7 @@ class TbbHashGrid {
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
-    if (kept.size() == verdicts.size()) {
-      for (auto& [key, cell] : cells_)
-        for (Entry& entry : cell.entries) entry.record = entry.stored->record;
-      return;
-    }
+    if (kept.size() == verdicts.size()) return renew_copies();
     clear();
     parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) insert(kept[i]);
@@ -181,6 +177,16 @@ class TbbHashGrid {
     if ((levels_.load(std::memory_order_relaxed) & bit) == 0)
       levels_.fetch_or(bit, std::memory_order_relaxed);
     stored.mark.store(true, std::memory_order_release /* P1 */);
+  }
+
+  /// Brings those in cells up to date.
+  void renew_copies() {
+    std::vector<Cell*> cells;
+    for (auto& [key, cell] : cells_) cells.push_back(&cell);
+    parallel_chunks(cells.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i)
+        for (Entry& entry : cells[i]->entries) entry.record = entry.stored->record;
+    });
   }
 
   /// Cells of a grid that hold coordinates within `reach` of u: two an axis, or three where the slack counts.

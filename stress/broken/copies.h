@@ -1,95 +1,87 @@
 // Broken caches that keep a record twice. Each must be seen failing, as those of lists.h, of which they are made.
 #pragma once
 
-#include <memory>
+#include <cstdint>
 
 #include "stress/broken/lists.h"
 
 namespace icbench::stress {
 
-/// A record is copied into two lists, one after the other, and queries take turns in which one they read: a
-/// copy is seen while the other is not there yet. That is regular, but no more.
+/// A list and a second one, into which every record is copied when it is in the first.
 template <class Sync>
-class ReplicatedList : public Slots<Sync> {
+class TwoLists : public Slots<Sync> {
   using Base = Slots<Sync>;
-  using typename Base::SharedWord, typename Base::Slot;
 
  public:
   using typename Base::Workspace;
-  static constexpr CacheTraits kTraits =
-      broken_traits("replicated_without_commit", Consistency::per_record_linearizable);
 
-  explicit ReplicatedList(const CacheConfig& config) : Base(config), second_(config) {}
+  explicit TwoLists(const CacheConfig& config) : Base(config), second_(config) {}
 
   template <class Counters>
-  bool insert(Workspace& workspace, const Record& r, Counters& counters) noexcept {
-    this->publish(this->slot(this->take()), r);
-    return second_.insert(workspace, r, counters);
-  }
-  template <class Counters, class F>
-  void visit(const SurfacePoint& x, float a, Counters& counters, F&& f) noexcept {
-    // Relaxed: any distribution of queries over the lists will do.
-    if ((turn_.fetch_add(1, std::memory_order_relaxed) & 1) != 0) return second_.visit(x, a, counters, f);
-    this->scan(this->taken(), x, a, f);
-  }
-  template <class F>
-  void update(F&& f) {
-    Base::update(f);
-    second_.update(f);
+  bool insert(Workspace&, const Record& r, Counters&) noexcept {
+    this->add(r);
+    second_.add(r);
+    return true;
   }
   void clear() {
     Base::clear();
     second_.clear();
+  }
+
+ protected:
+  struct List : Base {
+    using Base::add, Base::Base, Base::scan, Base::taken;
+  };
+  List second_;
+};
+
+/// Queries take turns in which list they read: a copy is seen while the other is not there yet. That is regular, but no
+/// more.
+template <class Sync>
+class ReplicatedList : public TwoLists<Sync> {
+  using Base = TwoLists<Sync>;
+
+ public:
+  static constexpr CacheTraits kTraits =
+      broken_traits("replicated_without_commit", Consistency::per_record_linearizable);
+  using Base::Base;
+
+  template <class Counters, class F>
+  void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
+    // Relaxed: any distribution of queries over the lists will do.
+    if ((turn_.fetch_add(1, std::memory_order_relaxed) & 1) != 0)
+      this->second_.scan(this->second_.taken(), x, a, f);
+    else
+      this->scan(this->taken(), x, a, f);
+  }
+  template <class F>
+  void update(F&& f) {
+    Base::update(f);
+    this->second_.update(f);
+  }
+  void clear() {
+    Base::clear();
     turn_.store(0, std::memory_order_relaxed);
   }
 
  private:
-  /// The second copy; also a list that is right.
-  class Copy : public Base {
-   public:
-    using Base::Base;
-    template <class Counters>
-    bool insert(Workspace&, const Record& r, Counters&) noexcept {
-      this->publish(this->slot(this->take()), r);
-      return true;
-    }
-    template <class Counters, class F>
-    void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
-      const std::uint32_t end = this->taken();
-      for (std::uint32_t i = 1; i <= end; ++i) this->test(this->slot(i), x, a, f);
-    }
-  };
-
-  Copy second_;
-  SharedWord turn_{0};
+  typename Sync::template Atomic<std::uint32_t> turn_{0};
 };
 
-/// Queries read copies of the records. An update that drops something makes all copies anew; one that only changes
-/// records leaves those as they were.
+/// Queries read the second list. An update that drops something makes it anew; one that only changes records leaves it
+/// as it was.
 template <class Sync>
-class UpdateKeepsCopiesList : public Slots<Sync> {
-  using Base = Slots<Sync>;
-  using typename Base::Slot;
+class UpdateKeepsCopiesList : public TwoLists<Sync> {
+  using Base = TwoLists<Sync>;
 
  public:
-  using typename Base::Workspace;
   static constexpr CacheTraits kTraits =
       broken_traits("update_keeps_copies", Consistency::per_record_linearizable);
+  using Base::Base;
 
-  explicit UpdateKeepsCopiesList(const CacheConfig& config)
-      : Base(config), copies_(std::make_unique<Slot[]>(config.capacity + 1)) {}
-
-  template <class Counters>
-  bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    const std::uint32_t i = this->take();
-    this->publish(this->slot(i), r);
-    this->publish(copies_[i], r);
-    return true;
-  }
   template <class Counters, class F>
   void visit(const SurfacePoint& x, float a, Counters&, F&& f) noexcept {
-    const std::uint32_t end = this->taken();
-    for (std::uint32_t i = 1; i <= end; ++i) this->test(copies_[i], x, a, f);
+    this->second_.scan(this->second_.taken(), x, a, f);
   }
   template <class F>
   void update(F&& f) {
@@ -99,26 +91,10 @@ class UpdateKeepsCopiesList : public Slots<Sync> {
       dropped |= verdict == UpdateResult::drop;
       return verdict;
     });
-    if (dropped) copy_all();
+    if (!dropped) return;
+    this->second_.clear();
+    this->for_each([&](const Record& r) { this->second_.add(r); });
   }
-  void clear() {
-    Base::clear();
-    for (std::uint32_t i = 0; i <= this->capacity(); ++i) {
-      copies_[i].record = {};
-      copies_[i].ready.store(0, std::memory_order_relaxed);
-    }
-  }
-
- private:
-  void copy_all() {
-    for (std::uint32_t i = 1; i <= this->taken(); ++i) {
-      const Slot& s = this->slot(i);
-      copies_[i].record = s.record;
-      copies_[i].ready.store(s.ready.load(std::memory_order_relaxed), std::memory_order_relaxed);
-    }
-  }
-
-  std::unique_ptr<Slot[]> copies_;
 };
 
 template <class Sync>

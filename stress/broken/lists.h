@@ -63,7 +63,6 @@ class Slots {
   std::uint32_t take() noexcept { return taken_.fetch_add(1, std::memory_order_relaxed) + 1; }
   std::uint32_t taken() const noexcept { return taken_.load(std::memory_order_relaxed); }
   Slot& slot(std::uint32_t i) const noexcept { return slots_[i]; }
-  std::uint32_t capacity() const noexcept { return capacity_; }
 
   template <class F>
   static void test(const Slot& s, const SurfacePoint& x, float a, F& f) noexcept {
@@ -97,6 +96,9 @@ class Slots {
     s.record = r;
     s.ready.store(1, std::memory_order_release);
   }
+
+  /// In the next slot.
+  void add(const Record& r) noexcept { publish(slot(take()), r); }
 
  private:
   std::unique_ptr<Slot[]> slots_;
@@ -191,7 +193,7 @@ class CounterAppendList : public Slots<Sync> {
 
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    this->publish(this->slot(this->take()), r);
+    this->add(r);
     const std::uint32_t count = count_.fetch_add(1, std::memory_order_acq_rel) + 1;
     const std::uint32_t index = this->taken();
     if (count == index) size_.store(index, std::memory_order_release);
@@ -269,7 +271,7 @@ class BatchKeepsExtentList : public Slots<Sync> {
 
   template <class Counters>
   bool insert(Workspace&, const Record& r, Counters&) noexcept {
-    this->publish(this->slot(this->take()), r);
+    this->add(r);
     return true;
   }
   template <class Counters, class F>
