@@ -222,7 +222,9 @@ def _by_histories(b: Caught) -> str:
 def _by_schedules(b: Caught, c: Correctness) -> str:
     e = b.explored
     if e is None:
-        return "not examined" if c.explored_controls is None else "exempt"
+        if c.explored_controls is None:
+            return "not examined"
+        return 'not explored<span class="under">no scenario does what its fault takes</span>'
     tried = style.plural(int(e["schedules"]), "schedule")
     if e["caught"]:
         replay = f', replay <code>{text(e["replay"])}</code>' if e["replay"] else ""

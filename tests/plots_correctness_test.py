@@ -125,6 +125,12 @@ class Correctness(InFolder):
                       self.judge(path).stdout)
         self.holds(self.section(), "waits for those before it", "NOT SEEN")
 
+    def test_a_fault_that_no_scenario_reaches_is_said_and_histories_suffice(self):
+        explored = [c for c in model_verdicts()["explored_controls"] if c["control"] != "publish_before_fill"]
+        self.assertEqual(self.judge(self.verdicts(explored_controls=explored)).returncode, 0)
+        self.holds(self.section(), "not explored<span class=\"under\">no scenario does what its fault takes",
+                   '<div class="value">2 of 2</div>', "1 of them by a schedule that can be replayed")
+
     def test_older_files_lack_sections_and_the_page_says_so(self):
         path = self.verdicts(schedules=None, explored_controls=None, progress=None, not_examined=None)
         self.assertEqual(self.judge(path).returncode, 0)  # what this processor cannot show is excused
