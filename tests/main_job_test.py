@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -46,12 +47,13 @@ class MainJob(InFolder):
                         f"{body}\n")
         path.chmod(0o755)
 
-    def job(self) -> subprocess.CompletedProcess:
+    def job(self, *mode: str) -> subprocess.CompletedProcess:
+        """A quick run, or one of another mode."""
         self.calls = self.folder / "calls"
         self.calls.write_text("")
         environment = os.environ | {"ICBENCH_PYTHON": sys.executable, "CALLS": str(self.calls),
                                     "PATH": f"{self.folder / 'tools'}:{os.environ['PATH']}"}
-        return subprocess.run([self.root / "bench/run", "--quick", "--no-install", "--out", self.out],
+        return subprocess.run([self.root / "bench/run", *(mode or ["--quick"]), "--no-install", "--out", self.out],
                               capture_output=True, text=True, env=environment, check=False)
 
     def verdicts(self, broken: bool) -> Path:
@@ -99,6 +101,21 @@ class MainJob(InFolder):
                              f"pareto --scene {scene} .*--out [^ ]*pareto_{scene}.json .*--resume")
         self.assertTrue((self.out / "run.json").exists())
         self.assertTrue((self.out / "pareto_sibenik.json").exists())
+
+    @unittest.skipUnless(platform.machine() == "x86_64", "another program is built for x86-64 alone")
+    def test_where_valgrind_does_not_know_the_processor_one_built_for_less_is_counted(self):
+        self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
+        (self.root / "plots").unlink()  # runs end before their report, which would take most of the time
+        counter = self.root / "bench/instructions"
+        for knows, calls in (("True", [[]]), ("'--programs' in sys.argv", [[], ["--programs", "build/counted/bin"]]),
+                             ("False", [[], ["--programs", "build/counted/bin"]])):
+            counter.write_text("import os, sys\nprint('count', *sys.argv[1:], file=open(os.environ['CALLS'], 'a'))\n"
+                               f"sys.exit(0 if {knows} else 2)\n")
+            done = self.job("--full")
+            said = [line.replace(f"{self.root}/", "").split() for line in self.calls.read_text().splitlines()]
+            self.assertEqual([words[2:] for words in said if words[0] == "count"], calls)
+            self.assertEqual(["cmake", "--build"] in said[said.index(["anatomy", "--repetitions"]):], len(calls) > 1)
+            self.assertEqual("nothing of instructions" in done.stderr, knows == "False")
 
     def test_verdicts_of_another_run_are_not_taken_for_those_of_a_crash(self):
         self.program("icstress", f'cp {self.verdicts(False)} "$OUT"')
