@@ -19,7 +19,7 @@ constexpr std::size_t kAskedAtOnce = 64;
 // Coordinates alone would not do: all records of a wall may share one.
 std::uint64_t hash_of(const glm::vec3& p) noexcept {
   const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
-  return mix64((bits(p.x) << 32 | bits(p.y)) + 0x9e3779b97f4a7c15ULL * bits(p.z));
+  return mix64(mix64(bits(p.x) << 32 | bits(p.y)) ^ bits(p.z));
 }
 
 bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
