@@ -35,8 +35,9 @@ struct Fineness {
   std::uint32_t lights;  // virtual ones, or rays of a gather, or four times the paths from each point
   float a;               // of a cache
   float cell_size;       // pixels
+  int scale;             // of the picture whose pixels limit how near a record's region may end
 };
-constexpr Fineness kCoarse{64, 0.8f, 4.0f}, kFine{256, 0.2f, 2.0f};
+constexpr Fineness kCoarse{64, 0.8f, 4.0f, 1}, kFine{256, 0.2f, 2.0f, 8};
 
 struct Method {
   std::string_view name;
@@ -132,11 +133,13 @@ class DiffuseScene : public ::testing::TestWithParam<const char*> {
 
   /// The picture of indirect light in kFrame, by one thread; of temporal instant caching after the frames before it.
   Rendered render(const IntegratorEntry& integrator, const Fineness& f, std::uint64_t seed) {
-    PassSetup setup{rays, crew, kWidth, kHeight};
+    const int scale = integrator.needs_cache() ? f.scale : 1;
+    PassSetup setup{rays, crew, scale * kWidth, scale * kHeight};
     setup.vpls = setup.gather_rays = f.lights;
     setup.paths = f.lights / 4;
     setup.a = f.a;
     setup.interpolation = Interpolation::gradients;
+    setup.leak_guard = !integrator.uses_vpls;  // as by default
     setup.cell_size = f.cell_size;
     setup.seed = seed;
     const std::uint32_t first = integrator.name == "temporal_instant_caching" ? 0 : kFrame;
