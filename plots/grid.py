@@ -1,6 +1,7 @@
 """A table as data: made once, written as HTML and as Markdown."""
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 from tables import text
@@ -9,7 +10,7 @@ from tables import text
 @dataclass(frozen=True)
 class Cell:
     value: str
-    under: str = ""  # smaller, on a line of its own: an interval, the thesis's figure
+    under: str = ""  # smaller, on a line of its own for each part that a semicolon ends: an interval, others' figures
     verdict: str = ""  # good, bad or open: how the cell is coloured
 
 
@@ -55,7 +56,8 @@ class Grid:
 
 def _html_cell(kind: str, cell: Cell) -> str:
     classes = " ".join(filter(None, (kind, cell.verdict)))
-    under = f'<span class="under">{text(cell.under)}</span>' if cell.under else ""
+    # Parts of a list, a line each, so that it makes no column wide.
+    under = "".join(f'<span class="under">{text(part)}</span>' for part in re.split("(?<=;) ", cell.under) if part)
     return f'<td class="{classes}">{text(cell.value)}{under}</td>'
 
 

@@ -19,6 +19,7 @@ from plots_models import kFewWorkloads, kPlots, few_caches, model_caches, model_
 from plots_support import InFolder, read_csv, run, run_afresh, write_results
 
 import contention_map
+import grid
 import over_threads
 import results
 import speed_error
@@ -316,6 +317,19 @@ class WrongInput(InFolder):
             done = run_afresh(script, "--help")
             self.assertEqual((done.returncode, done.stderr), (0, ""), script)
             self.assertIn("usage: " + script, done.stdout)
+
+
+class Grids(unittest.TestCase):
+    """Tables as they are written."""
+
+    def test_parts_of_a_list_below_a_value_stand_on_lines_of_their_own(self):
+        made = grid.Grid("g", "Title", "", ["what", "measured"], [
+            [grid.Cell("all"), grid.Cell("2", "a: 1 [0, 1]; b: 3 [2, 4]")],
+            [grid.Cell("one"), grid.Cell("5", "[4, 6]")],
+        ])
+        for parts in (["a: 1 [0, 1];", "b: 3 [2, 4]"], ["[4, 6]"]):
+            self.assertIn("".join(f'<span class="under">{part}</span>' for part in parts) + "</td>", made.html())
+        self.assertIn("| all | 2 (a: 1 [0, 1]; b: 3 [2, 4]) |", made.markdown())
 
 
 if __name__ == "__main__":

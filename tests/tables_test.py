@@ -23,7 +23,6 @@ import pictures
 import tables
 
 
-
 class Arithmetic(unittest.TestCase):
     """Known answers."""
     def test_few_samples_give_their_range_and_two_give_none(self):
