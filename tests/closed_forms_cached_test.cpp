@@ -144,7 +144,8 @@ class ClosedFormsAtLevels : public ::testing::TestWithParam<InterpolationEntry> 
     for (const bool fine : {false, true}) {
       const float a = fine ? 0.2f : 0.6f;
       const Errors errors = run(maker, {level, leak_guard}, a);
-      const std::string at = std::string(cache) + (fine ? ", a = 0.2" : ", a = 0.6");
+      const std::string at =
+          std::string(cache) + (leak_guard ? ", guarded" : "") + (fine ? ", a = 0.2" : ", a = 0.6");
       errors.records.print(at + ", inserted records");
       of_interpolation[fine] = errors.of_interpolation();
       std::printf(
