@@ -226,7 +226,7 @@ TEST_P(Walls, TheGuardStopsLeaksThroughTheWallOfALowBox) {
         GetParam().name.c_str(), static_cast<double>(gap), inside[false], inside[true], outside[false],
         outside[true]);
     EXPECT_GT(inside[false], 0.02) << "nothing leaks";
-    EXPECT_LT(inside[true], (gap > 0.0f ? 0.3 : 0.05) * inside[false]);
+    EXPECT_LE(inside[true], (gap > 0.0f ? 0.3 : 0.0) * inside[false]);
     // Above a slit 0.030 instead of 0.025 by the occlusion Hessian, darker within 10 cm of the wall.
     EXPECT_LT(outside[true], (gap > 0.0f ? 1.3 : 1.2) * outside[false]);
   }

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <limits>
 #include <numbers>
@@ -14,6 +16,7 @@
 #include "render/leak_guard.h"
 #include "render/ray_tracer.h"
 #include "scene/registry.h"
+#include "scene/shapes.h"
 
 namespace icbench {
 namespace {
@@ -44,6 +47,14 @@ TEST(LeakSectors, GoAroundOnceEachAboutAsWideAsAnother) {
   for (const int n : hits) {
     EXPECT_GT(n, 0.7 * kSteps / kLeakSectors);
     EXPECT_LT(n, 1.4 * kSteps / kLeakSectors);
+  }
+}
+
+TEST(LeakSectors, HaveTheirMiddleInside) {
+  for (std::uint32_t i = 0; i < kLeakSectors; ++i) {
+    const glm::vec2 to = middle_of_leak_sector(i);
+    EXPECT_NEAR(glm::length(to), 1.0f, 1e-6f);
+    EXPECT_EQ(leak_sector(to.x, to.y), i);
   }
 }
 
@@ -102,6 +113,62 @@ TEST(LeakMarks, AreNotOfWhatIsHighOrFar) {
   EXPECT_NE(leak_marks(seen, 0.81f).sectors, 0u);
   seen.samples[5].d = {0.6f, 0.0f, 0.8f};
   EXPECT_EQ(leak_marks(seen, 2.0f).sectors, 0u);
+}
+
+// A floor and, at z = 0.5, a wall as high as `height` and as wide as the floor.
+Scene floor_with_wall(float height) {
+  Scene s;
+  s.name = "floor_with_wall";
+  const auto white = s.add_material({.albedo = glm::vec3(0.5f)});
+  s.meshes.push_back(quad("floor", {-2, 0, -2}, {0, 0, 4}, {4, 0, 0}, white));
+  s.meshes.push_back(quad("wall", {-2, 0, 0.5f}, {4, 0, 0}, {0, height, 0}, white));
+  s.camera = {.eye = {0, 1, -2}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f};
+  return s;
+}
+
+// Guards against: walls over which every ray of a gather passes; marks where nothing stands, each of which costs a ray
+// at every query; and rays that take the surface itself for a wall where it is shaded as if it were tilted.
+TEST(LowMarks, AreOfWhatRisesByMoreThanTheirRays) {
+  const RayTracer low(floor_with_wall(0.02f)), high(floor_with_wall(0.04f));
+  const auto marks_of = [](const RayTracer& rays, float reach, const glm::vec3& n, LeakMarks known = {}) {
+    Tracer tracer(rays);
+    Hit at = tracer.intersect(Ray{{0, 1, 0}, std::numeric_limits<float>::infinity(), {0, -1, 0}});
+    EXPECT_FALSE(at.missed());
+    at.n = n;
+    mark_low(known, tracer, at, Basis(n), reach);
+    return known;
+  };
+  const glm::vec3 up(0, 1, 0);
+  for (const glm::vec3& n :
+       {up, glm::normalize(glm::vec3(0.3f, 1, -0.2f)), glm::normalize(glm::vec3(1, 0.5f, 0))}) {
+    EXPECT_EQ(marks_of(high, 0.49f, n).sectors, 0u) << "nothing is that near";
+    EXPECT_EQ(marks_of(low, 0.51f, n).sectors, 0u) << "it is too low to be met";
+  }
+  const LeakMarks marks = marks_of(high, 0.51f, up);
+  const Basis basis(up);
+  const auto is_marked = [&](const glm::vec3& d) {
+    return (marks.sectors >> leak_sector(glm::dot(d, basis.s), glm::dot(d, basis.t)) & 1u) != 0;
+  };
+  EXPECT_TRUE(is_marked({0, 0, 1}));
+  EXPECT_FALSE(is_marked({0, 0, -1}));
+  EXPECT_FALSE(is_marked({1, 0, 0}));
+  EXPECT_FALSE(is_marked({-1, 0, 0}));
+  EXPECT_LE(marks.nearest, 0.5f);
+  EXPECT_GT(marks.nearest, 0.45f);
+  // All that lies within reach behind a wall is in a marked sector, as long as it is a twentieth of the reach high.
+  const RayTracer higher(floor_with_wall(0.08f));
+  for (const float reach : {0.51f, 0.6f, 1.0f, 1.5f}) {
+    const LeakMarks far = marks_of(higher, reach, up);
+    for (int i = 0; i <= 100; ++i) {
+      const float x = (static_cast<float>(i) / 50.0f - 1.0f) * std::sqrt(reach * reach - 0.5001f * 0.5001f);
+      const glm::vec3 behind(x, 0.0f, 0.5001f);
+      const Record r{glm::vec3(0.0f), up, 1.0f, glm::vec3(1.0f), 0};
+      EXPECT_TRUE(is_suspect({behind, up}, r, far)) << "reach " << reach << ", at " << x;
+    }
+  }
+  // What is marked already, but farther, does not hide what is nearer.
+  EXPECT_LE(marks_of(high, 0.6f, up, {~0u, 0.55f}).nearest, 0.5f);
+  EXPECT_EQ(marks_of(high, 0.6f, up, {~0u, 0.4f}).nearest, 0.4f);
 }
 
 // Suspects of which half are behind something, as the guard judges them.

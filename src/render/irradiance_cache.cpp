@@ -129,8 +129,12 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     }
     restrain(detail.gradients, record.E, record.R);
   }
-  if (shapes_.details.suspects() == LeakSuspects::marked)
-    shapes_.details[record.id].marks = leak_marks(w.seen, shaper.reach(record.R));
+  if (shapes_.details.suspects() == LeakSuspects::marked) {
+    const float reach = shaper.reach(record.R);
+    LeakMarks marks = leak_marks(w.seen, reach);
+    mark_low(marks, tracer, x.hit, w.seen.basis, reach);
+    shapes_.details[record.id].marks = marks;
+  }
   return record;
 }
 

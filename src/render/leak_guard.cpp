@@ -1,6 +1,7 @@
 #include "render/leak_guard.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -39,6 +40,30 @@ LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept {
     if (N <= 3) marks.sectors = ~0u;  // that was once around
   }
   return marks;
+}
+
+void mark_low(LeakMarks& marks, Tracer& tracer, const Hit& at, const Basis& basis, float reach) noexcept {
+  constexpr float kLeastShare = 0.96f;  // at most the cosine of a sector's width; as least_share above
+  std::array<Ray, kLeakSectors> rays;
+  std::array<float, kLeakSectors> share_along;  // of a ray, along the tangent plane
+  const glm::vec3 from = tracer.shared().leave(at.p, at.ng);
+  for (std::uint32_t i = 0; i < kLeakSectors; ++i) {
+    const glm::vec2 to = middle_of_leak_sector(i);
+    const glm::vec3 flat = to.x * basis.s + to.y * basis.t;
+    // It rises over the surface as it is, not as it is shaded, or it would run into that.
+    const glm::vec3 d = flat + std::max(0.0f, kLeakRiseOfLow - glm::dot(flat, at.ng)) * at.ng;
+    share_along[i] = std::max(0.0f, glm::dot(d, flat));
+    // Where the sector is marked already, only what is nearer has something to tell.
+    rays[i] = {from, (marks.sectors >> i & 1u) != 0 ? marks.nearest : reach, d};
+  }
+  std::array<Hit, kLeakSectors> hits;
+  tracer.intersect(rays, hits);
+  for (std::uint32_t i = 0; i < kLeakSectors; ++i) {
+    if (hits[i].missed()) continue;
+    marks.nearest = std::min(marks.nearest, kLeastShare * share_along[i] * hits[i].t);
+    for (const std::uint32_t sector : {i + kLeakSectors - 1, i, i + 1})
+      marks.sectors |= 1u << sector % kLeakSectors;
+  }
 }
 
 }  // namespace icbench

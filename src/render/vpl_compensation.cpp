@@ -34,8 +34,9 @@ float taken_share(const glm::vec3& from, const glm::vec3& n, const Hit& met, flo
 
 constexpr std::uint32_t kProposals = 4;  // light samples of which one is asked; of eight, noise is no less
 
-// Compensation rays that share an estimate of the light that arrives at what they met. Of 32 rays at a point, eight
-// estimates make no more error than 32 beside that of 1,024 VPLs; four would leave edges that are seen.
+// Compensation rays that share an estimate of the light that arrives at what they met, as long as the clamp takes no
+// more than what one of them would bring. Of 32 rays at a point, eight estimates make no more error than 32 beside that
+// of 1,024 VPLs; four would leave edges that are seen.
 constexpr std::uint32_t kPerEstimate = 4;
 
 float sum_of(const glm::vec3& v) noexcept { return v.x + v.y + v.z; }
@@ -176,7 +177,7 @@ Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, f
   for (std::uint32_t k = 0; k < n;) {
     // What the surfaces met count, in all.
     const std::uint32_t group = index[k] / kPerEstimate;
-    float weights[kPerEstimate], total = 0.0f;
+    float weights[kPerEstimate], total = 0.0f, taken = 0.0f;
     std::uint32_t counting[kPerEstimate], m = 0;
     for (; k < n && index[k] / kPerEstimate == group; ++k) {
       if (!reflects(rays, met[k])) continue;
@@ -187,16 +188,22 @@ Compensation compensate(Tracer& tracer, const Hit& hit, const VplArrays& vpls, f
       counting[m] = k;
       weights[m++] = weight;
       total += weight;
+      taken += share;
     }
     if (m == 0) continue;
-    // The light that arrives there, at one of them.
+    // The light that arrives there, at one of them, or at more where the clamp takes more than what one would send. (In
+    // a room with venetian blinds, each slat close to the next, the blinds as a whole came out up to 40 % too bright.)
+    const auto estimates = static_cast<std::uint32_t>(std::ceil(taken));
     Pcg32 random(hash_keys(key, group + 1));
-    float target = random.uniform() * total;
-    const Hit& at = met[counting[pick({weights, m}, target)]];
-    const glm::vec3 albedo = rays.albedo(at);
-    const float scale =
-        total / (static_cast<float>(count) * std::max(sum_of(albedo), std::numeric_limits<float>::min()));
-    out.E += scale * albedo * irradiance_at(tracer, at, vpls, clamp, random);
+    const float u = random.uniform();
+    for (std::uint32_t e = 0; e < estimates; ++e) {
+      float target = (u + static_cast<float>(e)) / static_cast<float>(estimates) * total;
+      const Hit& at = met[counting[pick({weights, m}, target)]];
+      const glm::vec3 albedo = rays.albedo(at);
+      const float scale = total / (static_cast<float>(count * estimates) *
+                                   std::max(sum_of(albedo), std::numeric_limits<float>::min()));
+      out.E += scale * albedo * irradiance_at(tracer, at, vpls, clamp, random);
+    }
   }
   return out;
 }

@@ -3,9 +3,9 @@
 //
 // VPL j sends min(G_j, clamp) of its flux instead of G_j (render/vpl_gather.h). So light of close surfaces is missing;
 // rays with the cosine's density that look no farther than the clamp can matter bring it back, each surface met
-// counting with weight max(0, G - clamp) / G. The light that arrives there is estimated at one of the surfaces that a
-// few rays met, drawn by what they count: from the lamps, from one of the VPLs, and by compensation in turn. With the
-// clamped sum this is unbiased.
+// counting with weight max(0, G - clamp) / G. The light that arrives there is estimated at some of the surfaces that a
+// few rays met, as many as their weights come to, rounded up, drawn by what they count: from the lamps, from one of the
+// VPLs, and by compensation in turn. With the clamped sum this is unbiased.
 #pragma once
 
 #include <cstdint>
@@ -31,10 +31,9 @@ inline constexpr std::uint32_t kMaxCompensation = 64;
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation); for every four of these,
-/// two or three estimate the light that arrives at what they met. Random numbers depend on the key alone; where
-/// neighbouring points have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise.
-/// 0 rays: 0.
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation) and two or three more for each
+/// estimate of the light that arrives at what they met. Random numbers depend on the key alone; where neighbouring
+/// points have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
 /// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the
 /// result is that of tracing all, bit for bit.
