@@ -168,6 +168,24 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
   EXPECT_GE(compared, 30);
 }
 
+// Guards against: few estimates where much hangs on them, as between the slats of blinds, which all err alike then.
+TEST(RenderVpl, WhereTheClampTakesAllEachRayOfCompensationHasAnEstimate) {
+  const RayTracer& rays = cornell_box_rays();
+  const VplSet set = traced_set(rays, 300, 5);
+  Tracer tracer(rays);
+  double error_of_one = 0.0, error_of_four = 0.0;
+  for (const Hit& hit : reflecting_hits(rays, 4)) {
+    Estimate one, four;  // rays
+    for (std::uint64_t key = 0; key < 2'000; ++key) {
+      one.add(compensate(tracer, hit, set.vpls(), 1e-6f, 1, key).E.y);
+      four.add(compensate(tracer, hit, set.vpls(), 1e-6f, 4, key).E.y);
+    }
+    error_of_one += one.error();
+    error_of_four += four.error();
+  }
+  EXPECT_LT(error_of_four, 0.6 * error_of_one) << "by four estimates it is half";
+}
+
 // Guards against: kept records whose compensation is no more that of a new one.
 TEST(RenderVpl, TheRaysThatMetSomethingAreAllThatCompensationNeeds) {
   const RayTracer& rays = cornell_box_rays();

@@ -113,12 +113,13 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
 // Irradiance at a surface, unbiased: from the lamps, from the VPLs, and what the clamp takes of the latter. That comes
 // from within reach, so no ray looks farther; lamps beyond are left to light samples.
 Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Pcg32& random) noexcept {
-  constexpr float kGoOn = 0.5f;  // what the clamp takes at the second surface counts little
+  constexpr float kGoOn =
+      0.5f;  // what the clamp takes at the second surface counts little, and where not, weight grows
   const RayTracer& rays = tracer.shared();
   const float reach = compensation_reach(clamp);
   glm::vec3 E(0.0f), weight(1.0f);
   for (;;) {
-    const float q = kGoOn * survival(weight);
+    const float q = survival(kGoOn * weight);
     if (!(q > 0.0f)) return E;
     E += weight * (sample_lamps(tracer, at, q, reach, random) + sample_vpls(tracer, at, vpls, clamp, random));
 
