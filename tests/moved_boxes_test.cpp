@@ -5,12 +5,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <glm/common.hpp>
+#include <glm/ext/vector_double3.hpp>
 #include <glm/vec3.hpp>
 #include <utility>
 #include <vector>
 
 #include "core/random.h"
 #include "render/ray_tracer.h"
+#include "scene/directions.h"
 #include "temporal_scenes.h"
 
 namespace icbench {
@@ -44,6 +47,30 @@ TEST(MovedBoxes, EverySegmentThatMeetsTheMeshIsTold) {
   }
   EXPECT_GT(meeting, 200u);
   EXPECT_LT(told, 15 * 2000 / 3) << "hardly a segment is spared";
+}
+
+// Guards against: a path from a sun or another far lamp that is kept though it meets the mesh, for rounding.
+TEST(MovedBoxes, SegmentsFromFarOutsideAreToldToo) {
+  RayTracer rays(animated_room({.rigid = true}));
+  const MovedBoxes boxes(rays.go_to(5.0f), rays.epsilon());
+  const PosedBox now = rays.moving().front();
+  const auto corner = [&](int bits) {
+    glm::vec3 p;
+    for (int c = 0; c < 3; ++c) p[c] = (bits >> c & 1) != 0 ? now.box.upper[c] : now.box.lower[c];
+    return now.pose(p);
+  };
+  Pcg32 random(11);
+  for (const double distance : {1.0, 50.0, 1e3, 1e5})
+    for (int i = 0; i < 20'000; ++i) {
+      // Through an edge of the box as it is.
+      const int bits = static_cast<int>(random() % 8), flipped = bits ^ 1 << random() % 3;
+      const glm::dvec3 through = glm::mix(glm::dvec3(corner(bits)), glm::dvec3(corner(flipped)),
+                                          static_cast<double>(random.uniform()));
+      const glm::dvec3 d(direction_at(Basis({0, 0, 1}), 2.0f * random.uniform(), random.uniform()));
+      const glm::vec3 from(through - distance * d), to(through + 0.5 * d);
+      ASSERT_TRUE(boxes.meet(from, to)) << distance;
+      ASSERT_TRUE(boxes.meet(to, from)) << distance;
+    }
 }
 
 TEST(MovedBoxes, ManySegmentsAtOnceAreJudgedAsOneByOne) {

@@ -21,6 +21,7 @@
 #include "render/path.h"
 #include "render_support.h"
 #include "scene/registry.h"
+#include "scene/shapes.h"
 
 namespace icbench {
 namespace {
@@ -40,6 +41,30 @@ TEST(RenderPath, TheFurnaceIsWhiteInEveryPixel) {
   for (const Estimate& pixel : pixels) EXPECT_NEAR(pixel.mean(), 1.0, 4.5 * pixel.error());
   EXPECT_NEAR(all.mean(), 1.0, 0.001);
   EXPECT_LT(all.error(), 0.0004) << "too few samples to say so";
+}
+
+// Guards against: roulette that ends paths among white walls too often, and makes up for it by ever larger weights.
+TEST(RenderPath, AlmostWhiteWallsKeepLightAndWeightsBounded) {
+  constexpr float kWhite = 0.99f;
+  Scene s;
+  s.name = "white_room";
+  const auto wall = s.add_material({.albedo = glm::vec3(kWhite), .emission = glm::vec3(1.0f - kWhite)});
+  s.meshes.push_back(box("room", {glm::vec3(-1.0f), glm::vec3(1.0f)}, wall, true));
+  s.camera = {.eye = {0, 0, 0.9f}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f};
+  const RayTracer rays(std::move(s));
+  const Hit x = primary_hits(rays, 1, 1).hits.front();
+  Tracer tracer(rays);
+  Pcg32 random(1);
+  Estimate estimate;
+  double most = 0.0;
+  for (int i = 0; i < 20'000; ++i) {
+    const double E = sample_irradiance(tracer, x, Light::all, random).y;
+    estimate.add(E);
+    most = std::max(most, E);
+  }
+  EXPECT_NEAR(estimate.mean(), kPi, 4.0 * estimate.error());
+  EXPECT_LT(estimate.error(), 0.01 * kPi);
+  EXPECT_LT(most, 30.0 * kPi);  // of paths that end with one chance in a hundred
 }
 
 TEST(RenderPath, IrradianceInTheFurnaceSplitsIntoDirectAndIndirect) {

@@ -119,7 +119,7 @@ TEST(RenderSpecular, AnyNormalAndAnyAngleSendLightToItsSideOfTheSurface) {
     hit.n = direction_at(Basis(hit.ng), random.uniform(), random.uniform());
     // Every other ray is as good as in the surface, or exactly.
     const float heights[] = {random.uniform(), 1e-7f, 1e-30f, 0.0f};
-    const glm::vec3 d = direction_at(Basis(glm::vec3(0, -1, 0)), heights[i % 4], random.uniform());
+    const glm::vec3 d = direction_at(Basis(glm::vec3(0, -1, 0)), 1.0f - heights[i % 4], random.uniform());
     for (const Material& m : {kMirror, kGlass, near_one, extreme}) {
       const SpecularSplit split = split_specular(m, hit, d);
       ASSERT_NEAR(glm::length(split.reflected), 1.0f, 1e-5f);

@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
+#include <glm/exponential.hpp>
 #include <glm/geometric.hpp>
 #include <numbers>
 
+#include "core/random.h"
 #include "import_support.h"
 #include "render/ray_tracer.h"
 #include "scene/registry.h"
@@ -161,8 +164,11 @@ TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
   json glass = pbr(0.0, 0.0);
   glass["extensions"] = {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
                          {"KHR_materials_ior", {{"ior", 1.33}}}};
+  const glm::vec3 colour(0.2f, 0.4f, 0.6f);  // in two sheets, unless it is thick
   EXPECT_EQ(read(glass),
-            (Material{.albedo = {0.2f, 0.4f, 0.6f}, .surface = Surface::dielectric, .ior = 1.33f}));
+            (Material{.albedo = glm::sqrt(colour), .surface = Surface::dielectric, .ior = 1.33f}));
+  glass["extensions"]["KHR_materials_volume"] = {{"thicknessFactor", 0.1}};
+  EXPECT_EQ(read(glass), (Material{.albedo = colour, .surface = Surface::dielectric, .ior = 1.33f}));
   json blended = pbr(0.0, 1.0);
   blended["alphaMode"] = "BLEND";
   EXPECT_EQ(read(blended).surface, Surface::diffuse);
@@ -282,6 +288,29 @@ TEST(ImportGltf, ADirectionalLightGivesItsIrradianceAtTheCentre) {
   const PointLight& sun = imported.scene.point_lights[0];
   EXPECT_GT(sun.p.z, 40.0f);
   EXPECT_NEAR(sun.intensity.x / glm::dot(sun.p, sun.p), 3.0f, 1e-4f);
+  // It shines on all of the cube, evenly, and hardly past its sphere, or nearly all light paths would miss it.
+  Scene scene = imported.scene;
+  prepare(scene);
+  const Bounds& box = scene.bounds;
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::vec3 p((corner & 1) != 0 ? box.upper.x : box.lower.x,
+                      (corner & 2) != 0 ? box.upper.y : box.lower.y,
+                      (corner & 4) != 0 ? box.upper.z : box.lower.z);
+    EXPECT_EQ(spot_falloff(sun, glm::dot(glm::normalize(p - sun.p), sun.axis)), 1.0f);
+  }
+  Pcg32 random(1);
+  int met = 0;
+  float nearest = 1.0f;
+  for (int i = 0; i < 10'000; ++i) {
+    const EmittedRay ray = scene.lights.emit(random.uniform(), random.uniform(), random.uniform(),
+                                             random.uniform(), random.uniform());
+    const glm::vec3 centre = 0.5f * (box.lower + box.upper);
+    const float beside = glm::length(glm::cross(ray.d, centre - ray.p));
+    met += beside < 0.5f * glm::length(box.upper - box.lower) ? 1 : 0;
+    nearest = std::min(nearest, beside);
+  }
+  EXPECT_NEAR(met, 10'000 / (1.05 * 1.05), 200);
+  EXPECT_LT(nearest, 0.02f) << "directions lie on rings";
   EXPECT_TRUE(has_note(imported, "directional"));
 }
 

@@ -108,6 +108,7 @@ int run(int argc, char** argv) {
   add_trace(app);
   app.footer(
       "Exit status: 0 done, 1 a check failed, 2 bad usage or input (one line on standard error).\n"
+      "An option that has no effect on what is asked for is named there, too, and the status stays 0.\n"
       "icbench COMMAND --help lists a command's options, all of which have defaults.");
   app.allow_extras();
   // Extras are collected, not thrown, so that they can be reported with the nearest match; callbacks must not

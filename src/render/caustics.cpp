@@ -50,7 +50,7 @@ void Caustics::land(const RayTracer& rays, Crew& crew, std::uint64_t seed) {
     Ray ray{rays.leave(start.p, start.n), std::numeric_limits<float>::infinity(), start.d};
     glm::vec3 weight(1.0f);
     std::uint32_t bounces;
-    const Hit hit = intersect_beyond_specular(tracer, ray, random, weight, bounces);
+    const Hit hit = intersect_beyond_specular<Carries::flux>(tracer, ray, random, weight, bounces);
     if (hit.missed() || bounces == 0) return;
     landed[i] = {hit.p, hit.ng, luminance(weight * start.power) / static_cast<float>(kParticles)};
   });

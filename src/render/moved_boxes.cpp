@@ -43,9 +43,9 @@ bool MovedBox::near(const glm::vec3& p, float distance) const noexcept {
   return std::abs(p.x) <= limit.x && std::abs(p.y) <= limit.y && std::abs(p.z) <= limit.z;
 }
 
-bool MovedBox::meets(const glm::vec3& a, const glm::vec3& b) const noexcept {
+bool MovedBox::meets(const glm::vec3& a, const glm::vec3& b, float distance) const noexcept {
   const glm::vec3 c = 0.5f * (a + b), d = 0.5f * (b - a);
-  return !parted(c.x, c.y, c.z, d.x, d.y, d.z, half_);
+  return !parted(c.x, c.y, c.z, d.x, d.y, d.z, half_ + distance * step_);
 }
 
 void MovedBox::mark(const glm::vec3& a, const float* x, const float* y, const float* z,
@@ -65,20 +65,24 @@ void MovedBox::mark(const glm::vec3& a, const float* x, const float* y, const fl
 }
 static_assert(std::endian::native == std::endian::little, "the first byte is taken for the lowest");
 
-MovedBoxes::MovedBoxes(const SceneChange& change, float epsilon) {
+MovedBoxes::MovedBoxes(const SceneChange& change, float epsilon) : epsilon_(epsilon) {
   for (const MovedMesh& m : change.moved) {
     boxes_.emplace_back(m.before, epsilon);
     boxes_.emplace_back(m.after, epsilon);
   }
 }
 
-MovedBoxes::MovedBoxes(std::span<const PosedBox> boxes, float epsilon) {
+MovedBoxes::MovedBoxes(std::span<const PosedBox> boxes, float epsilon) : epsilon_(epsilon) {
   for (const PosedBox& box : boxes) boxes_.emplace_back(box, epsilon);
 }
 
 bool MovedBoxes::meet(const glm::vec3& a, const glm::vec3& b) const noexcept {
+  // What coordinates round by, some ten times over: where a ray from a lamp far outside the scene passes is no better
+  // known. Within the scene nothing is left of it.
+  const glm::vec3 reach = glm::max(glm::abs(a), glm::abs(b));
+  const float rounding = std::max(0.0f, kEpsilonShare * std::max({reach.x, reach.y, reach.z}) - epsilon_);
   return std::any_of(boxes_.begin(), boxes_.end(),
-                     [&](const MovedBox& box) { return box.meets(box.to_box(a), box.to_box(b)); });
+                     [&](const MovedBox& box) { return box.meets(box.to_box(a), box.to_box(b), rounding); });
 }
 
 bool MovedBoxes::near(const glm::vec3& p, float distance) const noexcept {

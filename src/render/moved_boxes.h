@@ -32,8 +32,8 @@ class MovedBox {
   /// From the world to the box's space.
   glm::vec3 to_box(const glm::vec3& p) const noexcept { return inverse_ * (p - shift_) - centre_; }
 
-  /// Whether the segment between two points of the box's space meets it.
-  bool meets(const glm::vec3& a, const glm::vec3& b) const noexcept;
+  /// Whether the segment between two points of its space comes within `distance` (of the world); conservative.
+  bool meets(const glm::vec3& a, const glm::vec3& b, float distance) const noexcept;
 
   /// Whether it comes within `distance` (of the world) of a point of its space; conservative.
   bool near(const glm::vec3& p, float distance) const noexcept;
@@ -68,13 +68,14 @@ class MovedBoxes {
   /// Whether any comes within `distance` (metres) of a point; conservative.
   bool near(const glm::vec3& p, float distance) const noexcept;
 
-  /// Whether a segment of the world meets any.
+  /// Whether a segment of the world meets any; conservative, however far outside the scene its ends lie.
   bool meet(const glm::vec3& a, const glm::vec3& b) const noexcept;
 
   std::span<const MovedBox> boxes() const noexcept { return boxes_; }
 
  private:
   std::vector<MovedBox> boxes_;
+  float epsilon_ = 0.0f;
 };
 
 /// Points that segments to every box end in, in each box's space: computed once, used for any number of beginnings. Of

@@ -39,24 +39,6 @@ SpecularSplit split_specular(const Material& material, const Hit& hit, const glm
   return about(hit.ng);
 }
 
-bool scatter_specular(const RayTracer& rays, const Hit& hit, const glm::vec3& d, std::uint32_t bounces,
-                      Pcg32& random, glm::vec3& weight, Ray& onward) noexcept {
-  const SpecularSplit split = split_specular(rays.material(hit), hit, d);
-  const glm::vec3 albedo = rays.albedo(hit);
-  weight *= albedo;
-  if (split.reflectance == 1.0f || random.uniform() < split.reflectance) {
-    onward = reflected_ray(rays, hit, split);
-  } else {
-    onward = refracted_ray(rays, hit, split);
-    weight *= split.through_factor;
-  }
-  if (bounces < kSureBounces) return weight != glm::vec3(0.0f);
-  const float q = std::min(kMaxSpecularSurvival, std::max({albedo.x, albedo.y, albedo.z}));
-  if (!(random.uniform() < q)) return false;
-  weight /= q;
-  return true;
-}
-
 Hit missed_hit() noexcept {
   Hit hit{};
   hit.t = std::numeric_limits<float>::infinity();

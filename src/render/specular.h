@@ -5,6 +5,7 @@
 // factors cancel; light particles carry flux and take none of them.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <limits>
@@ -44,24 +45,44 @@ inline Ray refracted_ray(const RayTracer& rays, const Hit& hit, const SpecularSp
 inline constexpr std::uint32_t kSureBounces = 8;
 inline constexpr float kMaxSpecularSurvival = 0.99f;
 
+/// What the weight of a path is a factor of: the radiance that a ray will find, or the flux that a light particle has.
+enum class Carries : std::uint8_t { radiance, flux };
+
 /// Sends a ray of unit direction d on from the specular hit it made: reflected with the probability that is the share
-/// reflected, refracted otherwise. `bounces` counts those in a row before this one. Multiplies `weight`, which is of
-/// radiance. False if the path ends here.
+/// reflected, refracted otherwise. `bounces` counts those in a row before this one. Multiplies `weight`. False if the
+/// path ends here. `random` has uniform(), in [0, 1).
+template <Carries carries = Carries::radiance, class Random>
 bool scatter_specular(const RayTracer& rays, const Hit& hit, const glm::vec3& d, std::uint32_t bounces,
-                      Pcg32& random, glm::vec3& weight, Ray& onward) noexcept;
+                      Random& random, glm::vec3& weight, Ray& onward) noexcept {
+  const SpecularSplit split = split_specular(rays.material(hit), hit, d);
+  const glm::vec3 albedo = rays.albedo(hit);
+  weight *= albedo;
+  if (split.reflectance == 1.0f || random.uniform() < split.reflectance) {
+    onward = reflected_ray(rays, hit, split);
+  } else {
+    onward = refracted_ray(rays, hit, split);
+    if constexpr (carries == Carries::radiance) weight *= split.through_factor;
+  }
+  if (bounces < kSureBounces) return weight != glm::vec3(0.0f);
+  const float q = std::min(kMaxSpecularSurvival, std::max({albedo.x, albedo.y, albedo.z}));
+  if (!(random.uniform() < q)) return false;
+  weight /= q;
+  return true;
+}
 
 /// What a ray that meets nothing yields.
 Hit missed_hit() noexcept;
 
 /// Traces a ray of unit direction, and on through specular surfaces until it meets a diffuse one or nothing at all: a
 /// miss, also if roulette ends the path. Multiplies `weight`, and counts the specular bounces in `bounces`.
-inline Hit intersect_beyond_specular(Tracer& tracer, Ray& ray, Pcg32& random, glm::vec3& weight,
-                                     std::uint32_t& bounces) noexcept {
+template <Carries carries = Carries::radiance>
+Hit intersect_beyond_specular(Tracer& tracer, Ray& ray, Pcg32& random, glm::vec3& weight,
+                              std::uint32_t& bounces) noexcept {
   const RayTracer& rays = tracer.shared();
   for (bounces = 0;; ++bounces) {
     const Hit hit = tracer.intersect(ray);
     if (hit.missed() || !rays.material(hit).is_specular()) return hit;
-    if (!scatter_specular(rays, hit, ray.d, bounces, random, weight, ray)) return missed_hit();
+    if (!scatter_specular<carries>(rays, hit, ray.d, bounces, random, weight, ray)) return missed_hit();
   }
 }
 

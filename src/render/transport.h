@@ -71,8 +71,9 @@ inline float emitter_weight(const RayTracer& rays, const Hit& found, const glm::
   return q * p_b / (p_l + q * p_b);
 }
 
-/// Even where everything is white a path goes on with this probability at most, or it might never end.
-inline constexpr float kMaxSurvival = 0.95f;
+/// Even where everything is white a path goes on with this probability at most, or it might never end. Where the square
+/// of the albedo is beyond it weights grow from one surface to the next, and variance has no bound.
+inline constexpr float kMaxSurvival = 0.999f;
 
 /// Probability with which a path of this weight goes on; 0 only if it carries nothing.
 inline float survival(const glm::vec3& weight) noexcept {

@@ -99,15 +99,7 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
     }
     if (rays.material(hit).is_specular()) {
       meet(hit.p, nullptr);
-      const SpecularSplit split = split_specular(rays.material(hit), hit, ray.d);
-      const bool reflected = split.reflectance == 1.0f || random.uniform() < split.reflectance;
-      ray = reflected ? reflected_ray(rays, hit, split) : refracted_ray(rays, hit, split);
-      weight *= rays.albedo(hit);
-      if (++mirrored > kSureBounces) {
-        const float q = survival(weight);
-        if (!(random.uniform() < q)) return;
-        weight /= q;
-      }
+      if (!scatter_specular<Carries::flux>(rays, hit, ray.d, mirrored++, random, weight, ray)) return;
       continue;
     }
     mirrored = 0;

@@ -52,6 +52,8 @@ class MaterialReader {
     } else if (texture) {
       m.albedo *= mean_colour(model_.textures[texture_index(*texture)]);
     }
+    // A share for each of the two sheets.
+    if (to.thin) m.albedo = glm::sqrt(m.albedo);
     model_.materials.push_back(to);
     return use;
   }
