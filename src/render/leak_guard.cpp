@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -44,9 +45,10 @@ LeakMarks leak_marks(const Hemisphere& seen, float reach) noexcept {
 
 void mark_low(LeakMarks& marks, Tracer& tracer, const Hit& at, const Basis& basis, float reach) noexcept {
   constexpr float kLeastShare = 0.96f;  // at most the cosine of a sector's width; as least_share above
+  const glm::vec3 from = tracer.shared().leave(at.p, at.ng);
   std::array<Ray, kLeakSectors> rays;
   std::array<float, kLeakSectors> share_along;  // of a ray, along the tangent plane
-  const glm::vec3 from = tracer.shared().leave(at.p, at.ng);
+  float x[kLeakSectors], y[kLeakSectors], z[kLeakSectors];
   for (std::uint32_t i = 0; i < kLeakSectors; ++i) {
     const glm::vec2 to = middle_of_leak_sector(i);
     const glm::vec3 flat = to.x * basis.s + to.y * basis.t;
@@ -55,12 +57,17 @@ void mark_low(LeakMarks& marks, Tracer& tracer, const Hit& at, const Basis& basi
     share_along[i] = std::max(0.0f, glm::dot(d, flat));
     // Where the sector is marked already, only what is nearer has something to tell.
     rays[i] = {from, (marks.sectors >> i & 1u) != 0 ? marks.nearest : reach, d};
+    const glm::vec3 end = from + rays[i].t_max * d;
+    x[i] = end.x, y[i] = end.y, z[i] = end.z;
   }
-  std::array<Hit, kLeakSectors> hits;
-  tracer.intersect(rays, hits);
-  for (std::uint32_t i = 0; i < kLeakSectors; ++i) {
-    if (hits[i].missed()) continue;
-    marks.nearest = std::min(marks.nearest, kLeastShare * share_along[i] * hits[i].t);
+  // Most meet nothing, and shadow rays tell that sooner.
+  std::uint32_t met = static_cast<std::uint32_t>(
+      tracer.occluded_from(from, x, y, z, (std::uint64_t{1} << kLeakSectors) - 1, Packing::exact));
+  for (; met != 0; met &= met - 1) {
+    const auto i = static_cast<std::uint32_t>(std::countr_zero(met));
+    const Hit hit = tracer.intersect(rays[i]);
+    if (hit.missed()) continue;  // it brushes the end
+    marks.nearest = std::min(marks.nearest, kLeastShare * share_along[i] * hit.t);
     for (const std::uint32_t sector : {i + kLeakSectors - 1, i, i + 1})
       marks.sectors |= 1u << sector % kLeakSectors;
   }

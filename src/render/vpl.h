@@ -3,7 +3,8 @@
 // A path starts at a lamp and is followed from surface to surface. At a diffuse surface Russian roulette decides, by
 // the albedo, whether it is absorbed or reflected, so that VPLs lie where light is and carry about equal flux; there is
 // no bounce limit. Mirrors and dielectrics are followed and keep no VPL. The sum over VPLs of what they send to a point
-// is an unbiased estimate of its indirect irradiance, but for light that comes to it straight from a specular surface.
+// is an unbiased estimate of its indirect irradiance, but for light that comes to it straight from a specular surface,
+// and for what little a shading normal loses that is tilted far against its surface where light comes in flat.
 //
 // How many paths there are is fixed when the set is made, from a pilot of other paths, so that they leave about as many
 // VPLs as wanted. Random numbers depend on the seed and the path's index alone, not on the frame: while nothing cuts a

@@ -5,7 +5,8 @@
 // rays with the cosine's density that look no farther than the clamp can matter bring it back, each surface met
 // counting with weight max(0, G - clamp) / G. The light that arrives there is estimated at some of the surfaces that a
 // few rays met, as many as their weights come to, rounded up, drawn by what they count: from the lamps, from one of the
-// VPLs, and by compensation in turn. With the clamped sum this is unbiased.
+// VPLs, straight from mirrors and glass, and by compensation in turn. With the clamped sum this is unbiased, but for
+// what point lights send through mirrors and glass onto surfaces so near: no ray meets a point.
 #pragma once
 
 #include <cstdint>

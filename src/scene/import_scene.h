@@ -7,10 +7,11 @@
 //   all it reflects, and so is metal unless it is a mirror by specularity >= 0.5 and roughness <= 0.05;
 //   mirror; glass and dielectric are dielectrics; light, glow, illum and spotlight emit. Glass without
 //   thickness gets a second sheet behind the first, so that rays leave it in the direction in which they
-//   came.
+//   came; each tints by the root of the base colour (what assimp reads has one sheet, which tints by all of it).
 // - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are
 //   taken as radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional
-//   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre.
+//   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre, and shines
+//   on the scene alone.
 // - Camera: the file's first perspective one; Radiance: the view of FILE.vf beside FILE.rad, else of the last
 //   "# view" comment. Without one the scene is framed from the front, a little to the right and above.
 // - A file without any light gets a point light at the camera, strong enough that white in the middle of the
