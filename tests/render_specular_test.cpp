@@ -119,7 +119,9 @@ TEST(RenderSpecular, AnyNormalAndAnyAngleSendLightToItsSideOfTheSurface) {
     hit.n = direction_at(Basis(hit.ng), random.uniform(), random.uniform());
     // Every other ray is as good as in the surface, or exactly.
     const float heights[] = {random.uniform(), 1e-7f, 1e-30f, 0.0f};
-    const glm::vec3 d = direction_at(Basis(glm::vec3(0, -1, 0)), 1.0f - heights[i % 4], random.uniform());
+    const float h = heights[i % 4], flat = std::sqrt(1.0f - h * h),
+                phi = 2.0f * static_cast<float>(kPi) * random.uniform();
+    const glm::vec3 d(flat * std::cos(phi), -h, flat * std::sin(phi));
     for (const Material& m : {kMirror, kGlass, near_one, extreme}) {
       const SpecularSplit split = split_specular(m, hit, d);
       ASSERT_NEAR(glm::length(split.reflected), 1.0f, 1e-5f);

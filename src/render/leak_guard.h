@@ -24,10 +24,10 @@
 // the low ones see. Of all: what is lower than the ends of the ray. Glass counts as a wall. A record that is stopped
 // without need costs another record, no light.
 //
-// Costs: kLeakSectors short shadow rays a record. Marks are 8 bytes of a RecordDetail, which records that are extrapolated
-// have anyway and others get for it. Unguarded, nothing. At a query one comparison for a record that has marked
-// nothing, and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the steps
-// of a query are those of its visit and a ray for each record visited.
+// Costs: kLeakSectors short shadow rays a record. Marks are 8 bytes of a RecordDetail, which records that are
+// extrapolated have anyway and others get for it. Unguarded, nothing. At a query one comparison for a record that has
+// marked nothing, and one ray at most, kLeakPacket traced together, for each record that is valid at the point. So the
+// steps of a query are those of its visit and a ray for each record visited.
 #pragma once
 
 #include <cmath>

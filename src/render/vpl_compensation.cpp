@@ -115,8 +115,8 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
 // straight from mirrors and glass, which VPLs carry on, too, but for that of point lights. What the clamp takes comes
 // from within reach, so that without mirrors and glass no ray looks farther; lamps beyond are left to light samples.
 Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Pcg32& random) noexcept {
-  constexpr float kGoOn =
-      0.5f;  // what the clamp takes at the second surface counts little, and where not, weight grows
+  // What the clamp takes at the second surface counts little. Where it counts much, weights grow, and paths go on.
+  constexpr float kGoOn = 0.5f;
   const RayTracer& rays = tracer.shared();
   const float reach = compensation_reach(clamp);
   glm::vec3 E(0.0f), weight(1.0f);

@@ -32,8 +32,8 @@ inline constexpr std::uint32_t kMaxCompensation = 64;
 /// How far compensation rays look, metres: G <= clamp beyond that.
 float compensation_reach(float clamp) noexcept;
 
-/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation) and two or three more for each
-/// estimate of the light that arrives at what they met. Random numbers depend on the key alone; where neighbouring
+/// Adds back what the clamp takes at a point, from `count` rays (at most kMaxCompensation) and two or three more for
+/// each estimate of the light that arrives at what they met. Random numbers depend on the key alone; where neighbouring
 /// points have the same key, the error is alike, too, as that of the VPLs is, and does not show as noise. 0 rays: 0.
 /// With exact packing what a ray meets is a function of the ray and the scene alone, too: as long as nothing within
 /// reach of the point has changed, the rays in `met` are the only ones that need tracing again (`which`), and the
