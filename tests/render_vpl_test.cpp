@@ -168,31 +168,6 @@ TEST(RenderVpl, GradientsAreTheSlopesOfTheSum) {
   EXPECT_GE(compared, 30);
 }
 
-// Guards against: caustics whose light the clamp takes from what is near, for good, since it comes from no lamp or VPL.
-TEST(RenderVpl, WhatTheClampTakesOfCausticsComesBack) {
-  const RayTracer rays(make_scene("cornell_specular"));
-  const std::vector<Hit> hits = reflecting_hits(rays, 12);
-  const float clamp = vpl_clamp(rays.scene().bounds);
-  Tracer tracer(rays);
-  Estimate whole, taken, difference;
-  for (std::uint64_t seed = 0; seed < 400; ++seed) {
-    const VplSet set = traced_set(rays, 64, seed);
-    const auto light = [&](float at_most, std::uint32_t count) {
-      return mean_over(hits, [&](const Hit& hit, std::size_t i) {
-        return gather_vpls(tracer, hit, set.vpls(), at_most) +
-               compensate(tracer, hit, set.vpls(), at_most, count, hash_keys(seed, i)).E;
-      });
-    };
-    const double much = light(0.01f * clamp, 8).y, little = light(clamp, 8).y;
-    whole.add(little);
-    taken.add(much - light(0.01f * clamp, 0).y);
-    difference.add(much - little);
-  }
-  EXPECT_NEAR(difference.mean(), 0.0, 4.0 * difference.error());
-  EXPECT_GT(taken.mean(), 0.2 * whole.mean()) << "nothing to give back";
-  EXPECT_LT(difference.error(), 0.005 * whole.mean()) << "lost caustics, 2 %, would not be noticed";
-}
-
 // Guards against: few estimates where much hangs on them, as between the slats of blinds, which all err alike then.
 TEST(RenderVpl, WhereTheClampTakesAllEachRayOfCompensationHasAnEstimate) {
   const RayTracer& rays = cornell_box_rays();

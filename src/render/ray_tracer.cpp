@@ -195,7 +195,6 @@ void set_missed(Hit& hit) noexcept {
 RayTracer::RayTracer(Scene scene) : scene_(std::move(scene)) {
   prepare(scene_);
   epsilon_ = scene_epsilon(reach_of(scene_.bounds));
-  has_specular_ = scene_.has_specular();
   if (scene_.camera_path) scene_.camera = scene_.camera_path(frame_);
   const auto count = static_cast<std::uint32_t>(scene_.meshes.size());
   placed_.resize(count);

@@ -147,7 +147,6 @@ class RayTracer {
     return m.texture == kNoTexture ? m.albedo : m.albedo * scene_.textures[m.texture](hit.uv);
   }
   float epsilon() const noexcept { return epsilon_; }
-  bool has_specular() const noexcept { return has_specular_; }  ///< Scene::has_specular, at no cost
 
   /// Where a ray that leaves the surface on the side of ng starts.
   glm::vec3 leave(const glm::vec3& p, const glm::vec3& ng) const noexcept { return p + epsilon_ * ng; }
@@ -210,7 +209,6 @@ class RayTracer {
 
   Scene scene_;
   float epsilon_ = 0.0f;
-  bool has_specular_ = false;
   float frame_ = 0.0f;
   std::vector<Placed> placed_;
   std::vector<MeshView> meshes_;

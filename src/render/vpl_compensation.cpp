@@ -10,7 +10,6 @@
 
 #include "render/primary.h"
 #include "render/sampling.h"
-#include "render/specular.h"
 #include "render/transport.h"
 #include "render/vpl_words.h"
 
@@ -111,9 +110,9 @@ Irradiance sample_vpls(Tracer& tracer, const Hit& at, const VplArrays& vpls, flo
   return samples * total * std::numbers::inv_pi_v<float> * colour;
 }
 
-// Irradiance at a surface, unbiased: from the lamps, from the VPLs, what the clamp takes of the latter, and what comes
-// straight from mirrors and glass, which VPLs carry on, too, but for that of point lights. What the clamp takes comes
-// from within reach, so that without mirrors and glass no ray looks farther; lamps beyond are left to light samples.
+// Irradiance at a surface, but for light straight from mirrors and glass: from the lamps, from the VPLs, and what the
+// clamp takes of the latter. That comes from within reach, so no ray looks farther; lamps beyond are left to light
+// samples.
 Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float clamp, Pcg32& random) noexcept {
   // What the clamp takes at the second surface counts little. Where it counts much, weights grow, and paths go on.
   constexpr float kGoOn = 0.5f;
@@ -129,19 +128,15 @@ Irradiance irradiance_at(Tracer& tracer, Hit at, const VplArrays& vpls, float cl
     const float u_elevation = random.uniform(), u_azimuth = random.uniform();
     const glm::vec3 d = cosine_direction(Basis(at.n), u_elevation, u_azimuth);
     if (!(glm::dot(d, at.ng) > 0.0f)) return E;  // into the surface, past a tilted shading normal
-    Ray ray{rays.leave(at.p, at.ng), rays.has_specular() ? std::numeric_limits<float>::infinity() : reach, d};
-    std::uint32_t mirrored = 0;
-    const Hit next = intersect_beyond_specular(tracer, ray, random, weight, mirrored);
-    if (next.missed() || (mirrored == 0 && next.t > reach)) return E;
+    const Hit next = tracer.intersect(Ray{rays.leave(at.p, at.ng), reach, d});
+    if (next.missed()) return E;
     const Material& material = rays.material(next);
     if (next.front && material.emits()) {
       const float p_b = glm::dot(d, at.n) * std::numbers::inv_pi_v<float>;
-      const float share = mirrored == 0 ? emitter_weight(rays, next, d, p_b, q) : 1.0f;
-      E += std::numbers::pi_v<float> * share / q * weight * material.emission;
+      E += std::numbers::pi_v<float> * emitter_weight(rays, next, d, p_b, q) / q * weight * material.emission;
     }
     if (!reflects(rays, next)) return E;
-    const float share = mirrored == 0 ? taken_share(at.p, at.n, next, clamp) : 1.0f;
-    weight *= share / q * rays.albedo(next);
+    weight *= taken_share(at.p, at.n, next, clamp) / q * rays.albedo(next);
     at = next;
   }
 }

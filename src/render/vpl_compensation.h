@@ -5,8 +5,9 @@
 // rays with the cosine's density that look no farther than the clamp can matter bring it back, each surface met
 // counting with weight max(0, G - clamp) / G. The light that arrives there is estimated at some of the surfaces that a
 // few rays met, as many as their weights come to, rounded up, drawn by what they count: from the lamps, from one of the
-// VPLs, straight from mirrors and glass, and by compensation in turn. With the clamped sum this is unbiased, but for
-// what point lights send through mirrors and glass onto surfaces so near: no ray meets a point.
+// VPLs, and by compensation in turn. With the clamped sum this is unbiased, but for what mirrors and glass throw on
+// surfaces so near, which VPLs carry on: of that the clamp's share stays lost. Rays that look for lamps in mirrors find
+// them so seldom that they brought it back as spots.
 #pragma once
 
 #include <cstdint>

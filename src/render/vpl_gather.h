@@ -3,7 +3,7 @@
 // VPL j with flux F_j sends E_j = V_j F_j / pi min(G_j, clamp), G_j = cos cos_j / d^2, to a point; V_j is 1 where
 // nothing lies between. G is unbounded where a VPL lies close to the point, and the clamp takes the spots away that
 // this would make. What it takes from the light of close surfaces is added back by compensate()
-// (render/vpl_compensation.h); both together are unbiased.
+// (render/vpl_compensation.h); both together are unbiased, but for caustics on what is so near.
 //
 // Visibility and sum are two functions: trace_visibility() gives a bit per slot, irradiance_from() sums over the set
 // bits in one fixed order. Each bit is a function of its shadow ray alone (Packing::exact), never of the rays traced
