@@ -187,15 +187,20 @@ TEST(ImportGltf, ThinGlassGetsABackThickGlassDoesNot) {
   const auto thick = f.material({{"extensions",
                                   {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
                                    {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}});
+  json shining = f.doc["materials"][thin];
+  shining["emissiveFactor"] = {1, 1, 1};
+  const auto lamp = f.material(shining);
   f.node({{"mesh", f.square(thin)}});
   f.node({{"mesh", f.square(thick)}});
+  f.node({{"mesh", f.square(lamp)}});
   const Scene scene = import_gltf(f).scene;
-  ASSERT_EQ(scene.meshes.size(), 2u);
+  ASSERT_EQ(scene.meshes.size(), 3u);
   EXPECT_EQ(scene.meshes[0].triangles.size(), 4u);
   EXPECT_NEAR(glm::length(area(scene.meshes[0])), 0.0, 1e-6) << "the sheets do not face away from each other";
   EXPECT_LT(scene.meshes[0].positions[4].z, scene.meshes[0].positions[0].z)
       << "the second is not behind the first";
   EXPECT_EQ(scene.meshes[1].triangles.size(), 2u);
+  EXPECT_EQ(scene.meshes[2].triangles.size(), 2u) << "a lamp shines from its front alone";
 }
 
 // The albedo that a ray from z = 1 finds at (x, y) of a unit square with the four-coloured image.

@@ -53,7 +53,7 @@ void mark_low(LeakMarks& marks, Tracer& tracer, const Hit& at, const Basis& basi
     const glm::vec2 to = middle_of_leak_sector(i);
     const glm::vec3 flat = to.x * basis.s + to.y * basis.t;
     // It rises over the surface as it is, not as it is shaded, or it would run into that.
-    const glm::vec3 d = flat + std::max(0.0f, kLeakRiseOfLow - glm::dot(flat, at.ng)) * at.ng;
+    const glm::vec3 d = flat + std::max(0.0f, kLeakLowSlope - glm::dot(flat, at.ng)) * at.ng;
     share_along[i] = std::max(0.0f, glm::dot(d, flat));
     // Where the sector is marked already, only what is nearer has something to tell.
     rays[i] = {from, (marks.sectors >> i & 1u) != 0 ? marks.nearest : reach, d};

@@ -9,7 +9,7 @@
 // into kLeakSectors sectors. Those are marked into which a ray went low, less than 45 degrees above the plane, and met
 // something that is nearer along the plane than the record's reach a R, or of which a flat wall between two rays may
 // be; and so are the sectors of the rays beside it. Such rays are those of the gather, and besides one into each
-// sector that rises by kLeakRiseOfLow of its distance alone, since those of the gather pass over low walls. At a query
+// sector that rises by kLeakLowSlope of its distance alone, since those of the gather pass over low walls. At a query
 // the record counts as it is in unmarked directions, and everywhere nearer than such a wall may be. Elsewhere it counts
 // only after a ray from the point to the record meets nothing, and not at all if it would bring less than kLeakWorth of
 // what counts already. The ray's ends are lifted off the surfaces by the tracer's epsilon and by shares of their
@@ -43,7 +43,7 @@
 namespace icbench {
 
 inline constexpr std::uint32_t kLeakSectors = 32;  ///< a bit each
-inline constexpr float kLeakRiseOfLow = 0.05f;     ///< of the distance along the tangent plane
+inline constexpr float kLeakLowSlope = 0.05f;      ///< of the distance along the tangent plane
 inline constexpr float kLeakLift = 0.05f;          ///< of the distance
 inline constexpr float kLeakRise = 0.25f;          ///< of the distance
 inline constexpr std::uint32_t kLeakPacket = 16;   ///< rays

@@ -30,12 +30,11 @@ inline glm::vec3 cosine_direction(const Basis& basis, float u_elevation, float u
   return basis(r * std::cos(phi), r * std::sin(phi), std::sqrt(1.0f - u_elevation));
 }
 
-/// Direction whose cosine to basis.n is 1 - `below`, which is in [0, 2]: near the axis cosines themselves are too
-/// coarse.
-inline glm::vec3 direction_at(const Basis& basis, float below, float u_azimuth) noexcept {
+/// Direction at a given versine (1 - cosine), in [0, 2], to basis.n: near that, cosines are too coarse.
+inline glm::vec3 direction_at(const Basis& basis, float versine, float u_azimuth) noexcept {
   const float phi = 2.0f * std::numbers::pi_v<float> * u_azimuth;
-  const float r = std::sqrt(std::max(0.0f, below * (2.0f - below)));
-  return basis(r * std::cos(phi), r * std::sin(phi), 1.0f - below);
+  const float r = std::sqrt(std::max(0.0f, versine * (2.0f - versine)));
+  return basis(r * std::cos(phi), r * std::sin(phi), 1.0f - versine);
 }
 
 }  // namespace icbench

@@ -44,7 +44,10 @@ class MaterialReader {
     for (int c = 0; c < 3; ++c) m.albedo[c] = static_cast<float>(std::clamp(colour[c], 0.0, 1.0));
     m.emission = emission(material);
     m.surface = surface(material, colour[3], metallic, roughness, to.thin);
-    if (m.emits()) m.surface = Surface::diffuse;
+    if (m.emits()) {
+      m.surface = Surface::diffuse;
+      to.thin = false;
+    }
     if (m.surface == Surface::dielectric) m.ior = index_of_refraction(material);
     TextureUse use;
     if (texture && m.surface == Surface::diffuse) {

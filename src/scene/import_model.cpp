@@ -290,9 +290,11 @@ class Assembly {
     const glm::dvec3 axis = unit_or(glm::dmat3(m) * l.axis, {0.0, -1.0, 0.0});
     PointLight light;
     light.axis = glm::normalize(glm::vec3(axis));
-    // A sun shines on the scene alone, or nearly all light paths would miss it.
-    light.cos_inner = l.directional ? kSunCosine : l.cos_inner;
-    light.cos_outer = l.directional ? kSunCosine : l.cos_outer;
+    // A sun shines on a sphere just larger than the scene's, or nearly all light paths would miss it.
+    const double beside = 1.05 / kSunDistance;
+    const auto around_scene = static_cast<float>(std::sqrt(1.0 - beside * beside));
+    light.cos_inner = l.directional ? around_scene : l.cos_inner;
+    light.cos_outer = l.directional ? around_scene : l.cos_outer;
     light.p = glm::vec3(l.directional ? centre - distance * axis : transform(m, l.p) - origin);
     light.intensity = l.directional ? l.intensity * static_cast<float>(distance * distance) : l.intensity;
     return light;

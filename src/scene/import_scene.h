@@ -45,9 +45,6 @@ inline constexpr double kFramesPerSecond = 24.0;
 inline constexpr std::uint32_t kMaxFrames = 10'000;
 inline constexpr double kSunDistance = 50.0;
 
-/// The cosine of its half angle there: of a cone around a sphere of 1.05 scene radii.
-inline constexpr float kSunCosine = 0.99977948f;
-
 /// Most vertices, and triangles, that a file may describe, instances that stand still counted each.
 inline constexpr std::size_t kMaxVertices = std::size_t{1} << 26;
 /// Most texels of all textures of a file.

@@ -34,9 +34,9 @@ double solid_angle(const PointLight& light) noexcept {
 glm::vec3 spot_direction(const PointLight& light, float u_cosine, float u_azimuth) noexcept {
   const float full = 1.0f - light.cos_inner, edge = light.cos_inner - light.cos_outer;
   const float u = u_cosine * (full + 0.5f * edge);
-  const float below =
+  const float versine =
       u <= full ? u : 1.0f - light.cos_outer - edge * smooth_step_quantile(2.0f * (u - full) / edge);
-  return direction_at(Basis(light.axis), std::clamp(below, 0.0f, 2.0f), u_azimuth);
+  return direction_at(Basis(light.axis), std::clamp(versine, 0.0f, 2.0f), u_azimuth);
 }
 
 }  // namespace
