@@ -285,6 +285,59 @@ TEST(Memory, ASpinLockLetsOneInAtATime) {
   EXPECT_EQ(orders.size(), 6u);
 }
 
+// The readers' half of DistributedRwLock, and a writer of it. With a fault: a reader that has waited once does not mark
+// itself again.
+struct MarkedReader {
+  Word writing{0}, reading{0};
+  std::uint32_t plain = 0;
+
+  void read(bool marks_itself_again) {
+    const auto try_to = [&](unsigned turn) {
+      if (turn == 0 || marks_itself_again) reading.store(1, kSeqCst);
+      if (writing.load(kSeqCst) == 0) return true;
+      reading.store(0, kRelease);
+      return false;
+    };
+    ModelSync::begin_waiting();
+    for (unsigned turn = 0; writing.load(kRelaxed) != 0 || !try_to(turn); ++turn) ModelSync::wait_turn(turn);
+    ModelSync::reads(&plain, sizeof plain);
+    reading.store(0, kRelease);
+  }
+  void write() {
+    writing.store(1, kSeqCst);
+    ModelSync::begin_waiting();
+    for (unsigned turn = 0; reading.load(kSeqCst) != 0; ++turn) ModelSync::wait_turn(turn);
+    ModelSync::writes(&plain, sizeof plain);
+    writing.store(0, kRelease);
+  }
+};
+
+TEST(Memory, AThreadThatChangedSomethingGoesOnAfterItHasWaited) {
+  for (const bool reduce : {true, false})
+    for (const bool is_right : {true, false}) {
+      std::optional<MarkedReader> state;
+      unsigned races = 0;
+      Engine engine;
+      Program program;
+      program.threads = 2;
+      program.prepare = [&](bool) { state.emplace(); };
+      program.body = [&](unsigned t) {
+        if (t == 0) return state->read(is_right);
+        state->write();
+        state->write();
+      };
+      program.judge = [&](const Ending& ending) {
+        EXPECT_NE(ending.kind, Ending::Kind::blocked) << ending.what;
+        races += ending.kind == Ending::Kind::raced;
+        return true;
+      };
+      SearchOptions options;
+      options.reduce = reduce;
+      EXPECT_TRUE(engine.explore(program, options).complete);
+      EXPECT_EQ(races == 0, is_right) << "reduced: " << reduce;
+    }
+}
+
 // Random programs: the reduced search shows what the full one shows.
 
 struct Instruction {

@@ -53,6 +53,7 @@ class SpinLock {
   }
 
   void lock() noexcept {
+    Sync::begin_waiting();
     for (unsigned turn = 0; !try_lock(); ++turn) Sync::wait_turn(turn);
   }
 
@@ -100,6 +101,7 @@ class DistributedRwLock {
       return false;
     }
     void lock_shared() noexcept {
+      Sync::begin_waiting();
       // The relaxed test keeps a reader that waits from holding the writer up.
       for (unsigned turn = 0; lock_->writing_.load(std::memory_order_relaxed) != 0 || !try_lock_shared();
            ++turn)
@@ -133,6 +135,7 @@ class DistributedRwLock {
     writers_.lock();
     writing_.store(1, Order::kStore /* D1 */);
     for (const Reader* reader : readers_) {
+      Sync::begin_waiting();
       for (unsigned turn = 0; reader->reading_.load(Order::kLoad /* D1, D2 */) != 0; ++turn)
         Sync::wait_turn(turn);
     }

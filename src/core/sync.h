@@ -35,6 +35,9 @@ struct NoHooks {
   /// Whether a pool may hand out memory that it has; a test may say no.
   static constexpr bool may_allocate() noexcept { return true; }
 
+  /// A loop that may wait for another thread begins. What it does before its first wait_turn is its first turn.
+  static constexpr void begin_waiting() noexcept {}
+
   /// Turn number `turn` of a loop that waits for another thread. Yields the processor after a bounded spin, so that
   /// whoever is waited for can run.
   static void wait_turn(unsigned turn) noexcept {

@@ -154,17 +154,24 @@ void Engine::choose_anyhow() noexcept {
 void Engine::choose_replayed() noexcept {
   std::array<Choices, kMaxThreads> choices;
   std::uint32_t enabled = 0;
-  bool is_live = false;
+  bool is_live = false, is_woken = false;
   for (unsigned t = 0; t < threads_; ++t) {
     choices[t].count = 0;
     if (!pending_[t].is_live) continue;
     is_live = true;
     choices[t] = memory_.choices(t, pending_[t].access, pending_[t].location);
-    if (choices[t].count > 0 && !memory_.is_waiting(t)) enabled |= 1u << t;
+    if (choices[t].count == 0) continue;
+    if (!memory_.is_waiting(t) || memory_.may_go_on(t))
+      enabled |= 1u << t;
+    else
+      is_woken = true;
   }
   next_ = kNobody;
   if (enabled == 0) {
-    if (is_live) stop(Ending::Kind::blocked, "every thread that is left waits for another");
+    if (is_woken)
+      has_failed_ = is_abandoned_ = true;  // the search cuts it short here (search.h)
+    else if (is_live)
+      stop(Ending::Kind::blocked, "every thread that is left waits for another");
     return;
   }
   std::uint8_t thread = Search::thread_by_rule(enabled, last_thread_);

@@ -60,6 +60,7 @@ class Engine {
   static Engine& current() noexcept { return *current_; }
   Effect access(const Access& a);
   void touch(const void* begin, std::size_t bytes, bool writes);
+  void begin_waiting() noexcept { memory_.begin_waiting(Fibers::running()); }
   void wait_for_news() noexcept { memory_.await_newer(Fibers::running()); }
   /// A line of the trace, if there is one; `text` makes it.
   template <class Text>

@@ -1,5 +1,7 @@
 #include "stress/explore/memory.h"
 
+#include <utility>
+
 #include "core/random.h"
 
 namespace icbench::stress::explore {
@@ -142,6 +144,7 @@ Effect Memory::perform(unsigned thread, const Access& a, Location l, unsigned in
   }
   if (effect.wrote) {
     effect.written = *written;
+    t.has_changed |= a.is_blind() || effect.written != effect.read;
     Store& s = add_store(w);
     const Store& before = w.stores[w.count - 2];
     t.past.join(before.past);
@@ -170,7 +173,9 @@ Effect Memory::perform(unsigned thread, const Access& a, Location l, unsigned in
 }
 
 void Memory::await_newer(unsigned thread) noexcept {
-  threads_[thread].is_waiting = threads_[thread].has_read;
+  Thread& t = threads_[thread];
+  t.is_waiting = t.has_read;
+  t.may_go_on = std::exchange(t.has_changed, false) && !std::exchange(t.went_on, true);
 }
 
 std::optional<Race> Memory::touch(unsigned thread, const void* begin, std::size_t bytes, bool writes) {

@@ -126,9 +126,14 @@ class Memory {
   /// Stores at a location, the initial value among them.
   unsigned stores(Location l) const noexcept { return locations_[l].count; }
 
+  /// A loop of `thread` begins that may wait.
+  void begin_waiting(unsigned thread) noexcept { threads_[thread].has_changed = false; }
   /// `thread` will not read again what it read last: it waits for something newer there.
   void await_newer(unsigned thread) noexcept;
   bool is_waiting(unsigned thread) const noexcept { return threads_[thread].is_waiting; }
+  /// Whether what a waiting thread does once it goes on may matter: it has changed something in this turn of its loop.
+  /// So for the first such wait of each thread; no schedule is endless that way.
+  bool may_go_on(unsigned thread) const noexcept { return threads_[thread].may_go_on; }
 
   /// An access to plain memory, and the race it ends, if any.
   std::optional<Race> touch(unsigned thread, const void* begin, std::size_t bytes, bool writes);
@@ -159,8 +164,12 @@ class Memory {
     Location last = 0;  ///< read last
     unsigned last_index = 0;
     bool has_read = false;
-    bool is_waiting = false;  ///< for a store newer than the one it read last
+    bool is_waiting = false;   ///< for a store newer than the one it read last
+    bool may_go_on = false;    ///< when that has come
+    bool has_changed = false;  ///< something, since its loop began or it last waited
+    bool went_on = false;      ///< it has done so before
   };
+
   /// The last access of one thread, of one sort, to one range of plain memory.
   struct Touch {
     const std::byte* begin;

@@ -122,6 +122,9 @@ struct ModelHooks : NoHooks {
   static void writes(const void* begin, std::size_t bytes) noexcept {
     if (Engine::is_inside()) Engine::current().touch(begin, bytes, true);
   }
+  static void begin_waiting() noexcept {
+    if (Engine::is_inside()) Engine::current().begin_waiting();
+  }
   /// Goes on when there is something newer in the word that the loop read last.
   static void wait_turn(unsigned turn) noexcept {
     if (!Engine::is_inside()) return NoHooks::wait_turn(turn);

@@ -71,9 +71,10 @@ void Search::fill(Node& n, const Memory& memory, std::span<const Pending> pendin
     s.is_live = p.is_live;
     n.past[t] = memory.past(t);
     if (!p.is_live) continue;
-    if (memory.is_waiting(t)) {
+    const Choices choices = memory.choices(t, p.access, p.location);
+    if (memory.is_waiting(t) && (choices.count == 0 || !memory.may_go_on(t))) {
       s.is_live = false;
-      n.waiting |= memory.choices(t, p.access, p.location).count > 0 ? kWoken : kWaiting;
+      n.waiting |= choices.count > 0 ? kWoken : kWaiting;
       continue;
     }
     s.kind = p.access.kind;
@@ -81,7 +82,7 @@ void Search::fill(Node& n, const Memory& memory, std::span<const Pending> pendin
     s.is_total = p.access.is_seq_cst();
     s.location = p.location;
     s.stores = static_cast<std::uint16_t>(memory.stores(p.location));
-    s.choices = memory.choices(t, p.access, p.location);
+    s.choices = choices;
     if (s.choices.count > 0) n.enabled |= bit(t);
   }
   for (auto t = static_cast<unsigned>(pending.size()); t < kMaxThreads; ++t) n.next[t].is_live = false;

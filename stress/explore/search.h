@@ -20,9 +20,11 @@
 //   does not, so both are tried; no happens-before shortens the list of conflicts, any two steps at one location of
 //   which one may write are one, and nothing sleeps.
 //
-// A thread that waits in a loop (Sync::wait_turn) is left waiting: whatever it would do when it goes on, it also does
-// in the schedule in which it has not come to the loop before, because a turn of such a loop changes nothing. So only
-// waits that never end are of interest; the rest is cut short.
+// A thread that waits in a loop (Sync::wait_turn) is left waiting if it has changed nothing in that turn of the loop:
+// whatever it would do when it goes on, it also does in the schedule in which it came to the loop later. So only waits
+// that never end are of interest; the rest is cut short. One that has changed something goes on when what it waits for
+// may have come (a reader that has taken its mark back and marks itself again): once, then it is left waiting all the
+// same, and what it would do after a second such turn is not looked at.
 //
 // Both are compared with the search of all schedules in tests/stress_explore_test.cpp.
 #pragma once
