@@ -34,6 +34,7 @@ class AnyCache {
     virtual void query_batch(std::span<const SurfacePoint> points,
                              std::span<std::optional<Irradiance>> out) = 0;
     virtual InsertResult insert(const Record& r) = 0;
+    virtual void prefault(std::uint32_t n) = 0;
   };
 
   /// The operations of the cache itself.
@@ -46,6 +47,7 @@ class AnyCache {
     virtual void update_records(const std::function<UpdateResult(Record&)>& f) = 0;
     virtual void for_each_record(const std::function<void(const Record&)>& f) const = 0;
     virtual Counts counters() const = 0;
+    virtual std::size_t memory_bytes() const = 0;
   };
 
   /// How a cache is made, and what it declares.
@@ -69,6 +71,7 @@ class AnyCache {
       functions_->query_batch(points, out);
     }
     InsertResult insert(const Record& r) { return functions_->insert(r); }
+    void prefault(std::uint32_t n) { functions_->prefault(n); }
 
    private:
     std::unique_ptr<SessionFunctions> functions_;
@@ -83,6 +86,7 @@ class AnyCache {
   void update_records(const std::function<UpdateResult(Record&)>& f) { functions_->update_records(f); }
   void for_each_record(const std::function<void(const Record&)>& f) const { functions_->for_each_record(f); }
   Counts counters() const { return functions_->counters(); }
+  std::size_t memory_bytes() const { return functions_->memory_bytes(); }
   const CacheConfig& config() const { return config_; }
 
  private:
@@ -114,6 +118,7 @@ class TestedCache final : public AnyCache::CacheFunctions {
       session_.query_batch(points, out);
     }
     InsertResult insert(const Record& r) override { return session_.insert(r); }
+    void prefault(std::uint32_t n) override { session_.prefault(n); }
 
    private:
     /// The visitors of a batch, made as they are asked for.
@@ -138,6 +143,7 @@ class TestedCache final : public AnyCache::CacheFunctions {
     cache_.for_each_record(f);
   }
   Counts counters() const override { return cache_.counters(); }
+  std::size_t memory_bytes() const override { return cache_.memory_bytes(); }
 
   Cache cache_;
 };

@@ -223,6 +223,45 @@ TEST_P(Contract, FullPoolIsAResultAndKeepsEarlierRecords) {
   EXPECT_EQ(session.insert(records[0]), InsertResult::inserted) << "clear makes room";
 }
 
+TEST_P(Contract, MemoryTakenBeforehandIsMissingToNobody) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 3000;
+  AnyCache cache(GetParam(), config(kCapacity));
+  std::vector<AnyCache::Session> sessions;
+  for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
+  Pcg32 rng(12);
+  std::uint32_t next_id = 0;
+  for (int round = 0; round < 2; ++round) {
+    // Far more than all sessions can use, again and again while one of them inserts.
+    for (std::uint32_t i = 0; i < kCapacity; ++i) {
+      if (i % 100 == 0) {
+        for (auto& session : sessions) session.prefault(kCapacity / threads() << i / 100 % 3);
+      }
+      const SurfacePoint x = random_surface_point(rng);
+      ASSERT_EQ(sessions.back().insert(make_record(next_id++, x.p, x.n, 1e-6f)), InsertResult::inserted) << i;
+    }
+    cache.end_frame();
+    ASSERT_EQ(stored(cache).size(), kCapacity);
+    cache.clear();
+  }
+}
+
+TEST(MemoryBytes, IncludeWhatAStructureTakesEmpty) {
+  constexpr std::string_view kPacked = "packed_";
+  CacheConfig config{.capacity = 1u << 20, .max_sessions = 1};
+  std::size_t without_lock = 0;
+  for (const AnyCache::Maker& maker : registered_caches()) {
+    if (maker.traits.name == "packed_wait_free") without_lock = AnyCache(maker, config).memory_bytes();
+  }
+  ASSERT_GT(without_lock, 100'000u);
+  for (const AnyCache::Maker& maker : registered_caches()) {
+    if (!maker.traits.name.starts_with(kPacked)) continue;
+    AnyCache cache(maker, config);
+    cache.open_session(0);
+    EXPECT_GT(cache.memory_bytes(), without_lock * 9 / 10) << maker.traits.name;
+  }
+}
+
 TEST_P(Contract, ClearForgetsAndSessionsSurvive) {
   AnyCache cache(GetParam(), config());
   auto session = cache.open_session(0);
@@ -338,6 +377,31 @@ TEST_P(Contract, AnUpdateThatDropsNothingReachesAllCopiesToo) {
     });
   }
   EXPECT_GT(shown, 500u);
+}
+
+TEST_P(Contract, AnUpdateThatThrowsLeavesEveryRecordThereOnceOrGone) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  const SurfacePoint x{{0.5f, 0.5f, 0.5f}, {0, 0, 1}};
+  constexpr std::uint32_t kRecords = 40;
+  for (std::uint32_t i = 0; i < kRecords; ++i) session.insert(make_record(i, x.p, x.n, 0.2f));
+  std::atomic<std::uint32_t> seen_by_f{0};
+  EXPECT_THROW(cache.update_records([&](Record& r) {
+    if (++seen_by_f > kRecords / 2) throw std::runtime_error("enough");
+    r.R *= 0.5f;
+    return r.id % 2 == 0 ? UpdateResult::drop : UpdateResult::keep;
+  }),
+               std::runtime_error);
+  for (std::uint32_t i = 0; i < kRecords; ++i) session.insert(make_record(kRecords + i, x.p, x.n, 0.2f));
+  const std::vector<std::uint32_t> all = stored(cache);
+  EXPECT_EQ(std::adjacent_find(all.begin(), all.end()), all.end()) << "one is there twice";
+  EXPECT_GE(all.size(), kRecords + kRecords / 2);
+  EXPECT_EQ(seen(session, x), all);
+  // Copies of a record say the same as it does.
+  std::map<std::uint32_t, float> radii;
+  cache.for_each_record([&](const Record& r) { radii[r.id] = r.R; });
+  session.visit(x, [&](const Record& r, float) { EXPECT_EQ(r.R, radii[r.id]) << r.id; });
 }
 
 TEST_P(Contract, DroppedRecordsMakeRoomForeverInALongAnimation) {

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "cache_contract.h"
 #include "caches/cache_file.h"
@@ -221,6 +222,22 @@ TEST_F(SmallFile, WritingThatFailsLeavesTheOldFileAndNothingElse) {
   for (const std::filesystem::path& path : {folder_ / "none/here", folder_ / "."}) {
     const Failure refused = save_records(path, config_, {}, [](const auto&) {});
     EXPECT_TRUE(is_one_line_with(refused.value_or(""), "cannot write the cache")) << path;
+  }
+  EXPECT_EQ(folder_.entries(), 1);
+}
+
+TEST_F(SmallFile, SavesToOneNameAtOnceLeaveOneOfThem) {
+  const std::vector<Record> one = random_records(2000, 5), other = random_records(3000, 6);
+  for (int round = 0; round < 20; ++round) {
+    Failure first, second;
+    std::thread beside([&] { second = save(other); });
+    first = save(one);
+    beside.join();
+    ASSERT_EQ(first, std::nullopt);
+    ASSERT_EQ(second, std::nullopt);
+    CacheFile file;
+    ASSERT_EQ(file.open(path_), std::nullopt);
+    ASSERT_EQ(file.for_each_record([](const Record&) {}), std::nullopt);
   }
   EXPECT_EQ(folder_.entries(), 1);
 }

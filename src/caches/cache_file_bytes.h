@@ -28,6 +28,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cerrno>
 #include <cstddef>
@@ -210,7 +211,7 @@ class Replacement {
  public:
   /// `what` the file holds, for messages.
   explicit Replacement(const std::string& path, std::string_view what = "the cache")
-      : path_(path), what_(what), temporary_(path + ".tmp" + std::to_string(::getpid())) {}
+      : path_(path), what_(what) {}
   Replacement(const Replacement&) = delete;
   Replacement& operator=(const Replacement&) = delete;
   ~Replacement() {
@@ -221,7 +222,17 @@ class Replacement {
     struct stat there {};
     if (::stat(path_.c_str(), &there) == 0 && !S_ISREG(there.st_mode))
       return failure("this is no regular file; name another");
-    file_.reset(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+    // A file of its own, whoever else is writing one of that name: in another thread, or in another process, which may
+    // have the same number on another machine.
+    static std::atomic<unsigned> next{0};
+    constexpr int kTries = 100;
+    for (int i = 0; file_.get() < 0 && i < kTries; ++i) {
+      // Relaxed: numbers only have to be distinct.
+      temporary_ = path_ + ".tmp" + std::to_string(::getpid()) + "." +
+                   std::to_string(next.fetch_add(1, std::memory_order_relaxed));
+      file_.reset(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+      if (file_.get() < 0 && errno != EEXIST) break;
+    }
     return file_.get() < 0 ? failure_of(errno) : Failure{};
   }
 

@@ -107,8 +107,9 @@ class LocalWrite {
   }
 
   std::size_t memory_bytes() const {
-    std::size_t bytes = sessions_.bytes();
+    std::size_t bytes = sessions_.bytes() + fixed_bytes(shared_);
     sessions_.for_each([&](const State& s) {
+      if (s.local != nullptr) bytes += fixed_bytes(*s.local);
       bytes += std::max(s.most_local_bytes, LocalStructure::bytes(s.local_workspace)) +
                SharedStructure::bytes(s.merge_workspace);
     });

@@ -67,7 +67,9 @@ class Locked {
   /// Queries under way at once in a batch, where the structure does that.
   static constexpr std::size_t kBatch = batch_of<Structure>();
 
-  std::size_t memory_bytes() const { return sessions_.bytes() + Structure::bytes(workspace_); }
+  std::size_t memory_bytes() const {
+    return sessions_.bytes() + fixed_bytes(structure_) + Structure::bytes(workspace_);
+  }
   Counts counters() const { return sessions_.counts(); }
   void reset_counters() { sessions_.reset_counters(); }
   const CacheConfig& config() const noexcept { return config_; }

@@ -97,9 +97,11 @@ class PackedCells {
         sessions_(sessions),
         grid_(dense_entries(), large_pages),
         bricks_(top_cells() + sessions * kIdleBricks + 1, large_pages),
-        nodes_(spare_room * records * kWorstNodes + sessions * kIdleNodes + 1, large_pages),
-        cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, large_pages),
-        more_(spare_room * records * kWorstMore + sessions * kIdleMore, large_pages) {
+        nodes_(spare_room * records * worst_nodes() + sessions * kIdleNodes + 1, large_pages,
+               records / kPerNode),
+        cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, large_pages,
+               records / kPerCell),
+        more_(spare_room * records * kWorstMore + sessions * kIdleMore, large_pages, records / kPerMore) {
     plant();
   }
 
@@ -202,26 +204,26 @@ class PackedCells {
     const auto records = [this](std::uint64_t left, std::uint64_t idle, std::uint64_t worst) {
       return left > sessions_ * idle ? (left - sessions_ * idle) / worst : 0;
     };
-    return std::min({records(nodes_.left(), kIdleNodes, kWorstNodes),
+    return std::min({records(nodes_.left(), kIdleNodes, worst_nodes()),
                      records(cells_.left(), kIdleCells, kMostCells),
                      records(more_.left(), kIdleMore, kWorstMore)});
   }
 
-  /// Takes and touches memory for about n inserts of one session.
+  /// Takes and touches memory for about n inserts of one session, ahead.
   void prefault(Workspace& w, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
     bricks_.populate(sessions_ * n / 16);
-    w.nodes_.prefault(nodes_, n / 16, kNodeBytes);
-    w.cells_.prefault(cells_, n / 4, kCellBytes);
-    w.more_.prefault(more_, n / 16, kMoreBytes);
+    w.nodes_.prefault(nodes_, n / kPerNode, kNodeBytes);
+    w.cells_.prefault(cells_, n / kPerCell, kCellBytes);
+    w.more_.prefault(more_, n / kPerMore, kMoreBytes);
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
     bricks_.populate((std::uint64_t{offset} + n) / 16);
-    nodes_.touch(offset / 16, n / 16);
-    cells_.touch(offset / 4, n / 4);
-    more_.touch(offset / 16, n / 16);
+    nodes_.touch(offset / kPerNode, n / kPerNode);
+    cells_.touch(offset / kPerCell, n / kPerCell);
+    more_.touch(offset / kPerMore, n / kPerMore);
   }
 
   /// Bytes that are there whatever is stored.
@@ -262,9 +264,14 @@ class PackedCells {
   std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
 
   static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 16, kMorePiece = 16;
-  // What a record can need at worst: eight paths, and a cell at the end of each. Further lanes and lower cells are used
-  // only where many records are, and take less for each.
-  static constexpr std::uint64_t kWorstNodes = kMostCells * kPackedLevels, kWorstMore = 2;
+  // What a record can need at worst: eight paths below the grid, and a cell at the end of each. Further lanes and lower
+  // cells are used only where many records are, and take less for each.
+  std::uint64_t worst_nodes() const noexcept {
+    return kMostCells * static_cast<std::uint64_t>(kPackedLevels - grid_level_);
+  }
+  static constexpr std::uint64_t kWorstMore = 2;
+  // Records that one of each is expected for, of memory that is touched beforehand.
+  static constexpr std::uint32_t kPerNode = 16, kPerCell = 4, kPerMore = 16;
   // What a session may hold without a record in it: the rest of two pieces, and a spare.
   static constexpr std::uint64_t kIdleBricks = 2 * kBrickPiece + 1, kIdleNodes = 2 * kNodePiece + 1,
                                  kIdleCells = 2 * kCellPiece + 1, kIdleMore = 2 * kMorePiece + 1;

@@ -194,7 +194,7 @@ class Packed {
   /// f(Record&) -> UpdateResult for every record, in parallel over the table. Quiescent.
   template <class F>
   void update(F&& f) {
-    if (store_.records.update(f)) store_.cells.for_each_cell([this](Cell& c) { forget_dropped(c); });
+    store_.records.update(f, [this] { store_.cells.for_each_cell([this](Cell& c) { forget_dropped(c); }); });
   }
 
   /// f(const Record&) for every record. Quiescent.

@@ -52,7 +52,7 @@ class PackedRecords {
   };
 
   PackedRecords(std::uint64_t capacity, std::uint64_t sessions, bool large_pages)
-      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, large_pages) {}
+      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, large_pages, capacity) {}
 
   Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
   static bool is_empty(const Stored& s) noexcept {
@@ -87,25 +87,33 @@ class PackedRecords {
   Moment moment() const noexcept { return marks_.moment(); }
   bool shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment); }
 
-  /// f(Record&) -> UpdateResult for every record, in parallel over the table. Whether any was dropped. Quiescent.
-  template <class F>
-  bool update(F&& f) {
+  /// f(Record&) -> UpdateResult for every record, in parallel over the table, then, if any was dropped, once forget(),
+  /// also where f throws. Quiescent.
+  template <class F, class Forget>
+  void update(F&& f, Forget&& forget) {
     std::mutex mutex;
-    const std::size_t freed_before = freed_.size();
+    struct AtEnd {
+      PackedRecords& records;
+      Forget& forget;
+      std::size_t freed_before = records.freed_.size();
+      ~AtEnd() {
+        if (records.freed_.size() == freed_before) return;
+        records.settle_freed(freed_before);
+        forget();
+      }
+    } at_end{*this, forget};
     parallel_chunks(table_.end() - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first + 1; i <= last; ++i) {
         Stored& s = at(static_cast<UnitIndex>(i));
         if (is_empty(s) || f(s.record) == UpdateResult::keep) continue;
+        {
+          const std::scoped_lock lock(mutex);
+          freed_.push_back(
+              static_cast<UnitIndex>(i));  // first, for if there is no memory for it the record stays
+        }
         s.mark.word.store(0, std::memory_order_relaxed);  // relaxed: quiescent, as all here
-        const std::scoped_lock lock(mutex);
-        freed_.push_back(static_cast<UnitIndex>(i));
       }
     });
-    if (freed_.size() == freed_before) return false;
-    const auto taken = static_cast<std::ptrdiff_t>(next_freed_.load(std::memory_order_relaxed));
-    freed_.erase(freed_.begin(), freed_.begin() + std::min(taken, static_cast<std::ptrdiff_t>(freed_before)));
-    next_freed_.store(0, std::memory_order_relaxed);
-    return true;
   }
 
   /// f(const Record&) for every record. Quiescent.
@@ -133,7 +141,7 @@ class PackedRecords {
     return left > idle ? left - idle : 0;
   }
 
-  /// Takes and touches memory for about n records of one session.
+  /// Takes and touches memory for about n records of one session, ahead.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
     workspace.table_.prefault(table_, n, sizeof(Stored));
   }
@@ -146,6 +154,13 @@ class PackedRecords {
   }
 
  private:
+  /// Forgets those of the first `before` freed places that sessions took.
+  void settle_freed(std::size_t before) noexcept {
+    const auto taken = static_cast<std::ptrdiff_t>(next_freed_.load(std::memory_order_relaxed));  // quiescent
+    freed_.erase(freed_.begin(), freed_.begin() + std::min(taken, static_cast<std::ptrdiff_t>(before)));
+    next_freed_.store(0, std::memory_order_relaxed);
+  }
+
   std::uint64_t sessions_;
   Table table_;
   [[no_unique_address]] Marks marks_;

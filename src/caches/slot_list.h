@@ -141,7 +141,9 @@ class SlotPool {
     std::array<UnitIndex, kKinds> spares_{};  // set aside by lost races; zero, as allocated
   };
 
-  explicit SlotPool(std::uint64_t units) : pool_(units) {}
+  /// `ahead`: records that memory may be taken for beforehand.
+  explicit SlotPool(std::uint64_t units, std::uint64_t ahead = 0)
+      : pool_(units, false, ahead * kWorstUnits) {}
 
   /// A slot that has been handed out to one thread and is not visible yet; none is false.
   class Place {
@@ -253,7 +255,7 @@ class SlotPool {
     list.count.store(kept, std::memory_order_relaxed);
   }
 
-  /// Takes and touches memory for n records.
+  /// Takes and touches memory for n records, ahead.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
     workspace.cursor_.prefault(pool_, std::min<std::uint32_t>(n, 1u << 26) * kWorstUnits, kUnitBytes);
   }

@@ -91,6 +91,14 @@ class TbbHashGrid {
   template <class F>
   void update(F&& f) {
     std::vector<UpdateResult> verdicts(records_.size());
+    // The cells' copies follow, also where f throws.
+    struct AtEnd {
+      TbbHashGrid& grid;
+      bool is_due = true;
+      ~AtEnd() {
+        if (is_due) grid.renew_copies();
+      }
+    } at_end{*this};
     parallel_chunks(records_.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) verdicts[i] = f(records_[i].record);
     });
@@ -98,7 +106,8 @@ class TbbHashGrid {
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
-    if (kept.size() == verdicts.size()) return renew_copies();
+    if (kept.size() == verdicts.size()) return;
+    at_end.is_due = false;
     clear();
     parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) insert(kept[i]);

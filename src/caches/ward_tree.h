@@ -115,8 +115,8 @@ class WardTree {
         a_max_(config.a_max),
         idle_nodes_(std::uint64_t{config.max_sessions} * kIdleNodes),
         idle_units_(std::uint64_t{config.max_sessions} * Slots::kIdleUnits),
-        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1),
-        slots_(kSpareRoom * config.capacity * Slots::kWorstUnits + idle_units_) {
+        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1, false, config.capacity),
+        slots_(kSpareRoom * config.capacity * Slots::kWorstUnits + idle_units_, config.capacity) {
     nodes_.take(1);  // the root
   }
 
@@ -207,7 +207,7 @@ class WardTree {
     return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
   }
 
-  /// Takes and touches memory for about n inserts of one session.
+  /// Takes and touches memory for about n inserts of one session, ahead.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
     workspace.nodes_.prefault(nodes_, n, kNodeBytes);
     slots_.prefault(workspace.slots_, n);

@@ -24,13 +24,18 @@ namespace icbench {
 using UnitIndex = std::uint32_t;
 
 /// An arena of units of `kUnitBytes` bytes, at most 2^32 - 1 of them.
+///
+/// Beside those that are taken when they are needed it has some for who takes them ahead of that: what a session holds
+/// so, and does not use, is missing to nobody.
 template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
   /// Reserves address space for `units` units, on large pages if the system has them for who asks. Fails at set-up with
-  /// one line if the system has none.
-  explicit Arena(std::uint64_t units, bool on_large_pages = false)
-      : units_(std::min<std::uint64_t>(units + 1, UINT32_MAX)) {
+  /// one line if the system has none. `ahead`: units over these for take_ahead, as far as there are indices.
+  explicit Arena(std::uint64_t units, bool on_large_pages = false, std::uint64_t ahead = 0)
+      : units_(std::min<std::uint64_t>(units + ahead + 1, UINT32_MAX)),
+        ahead_(units_ > units + 1 ? units_ - (units + 1) : 0),
+        ahead_left_(ahead_) {
     void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE,
                           MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (memory == MAP_FAILED)
@@ -48,14 +53,20 @@ class Arena {
   static constexpr std::uint32_t kTakeSteps = 2;
 
   /// First of `n` consecutive units, all bytes zero; 0 if the arena is used up.
-  UnitIndex take(std::uint32_t n) noexcept {
-    if (!Sync::may_allocate()) return 0;
-    // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like
-    // the fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by
-    // other words.
-    if (next_.load(std::memory_order_relaxed) + n > units_) return 0;
-    const std::uint64_t first = next_.fetch_add(n, std::memory_order_relaxed);
-    return first + n > units_ ? 0 : static_cast<UnitIndex>(first);
+  UnitIndex take(std::uint32_t n) noexcept { return take_if(n, true); }
+
+  /// The same for a session's next piece, which may be refused while single allocations are not.
+  UnitIndex take_piece(std::uint32_t n) noexcept { return take_if(n, Sync::may_take_pieces()); }
+
+  /// The same before they are needed: 0 as well once as many have been taken so as the arena has for that. Lock-free.
+  UnitIndex take_ahead(std::uint32_t n) noexcept {
+    // Relaxed: a budget, by which nothing is published.
+    std::uint64_t left = ahead_left_.load(std::memory_order_relaxed);
+    do {
+      if (left < n) return 0;
+    } while (!ahead_left_.compare_exchange_strong(left, left - n, std::memory_order_relaxed,
+                                                  std::memory_order_relaxed));
+    return take(n);
   }
 
   void* at(UnitIndex i) const noexcept { return base_ + bytes(i); }
@@ -65,8 +76,11 @@ class Arena {
     return static_cast<UnitIndex>(std::min<std::uint64_t>(next_.load(std::memory_order_relaxed), units_));
   }
 
-  /// Units not yet taken. Quiescent.
-  std::uint64_t left() const noexcept { return units_ - end(); }
+  /// Units not yet taken, but for those that may still be taken ahead. Quiescent.
+  std::uint64_t left() const noexcept {
+    const std::uint64_t kept = end() + ahead_left_.load(std::memory_order_relaxed);
+    return units_ > kept ? units_ - kept : 0;
+  }
 
   /// Gives back the units from `end_unit` on. Quiescent; the caller has no use for what is in them.
   void shrink(UnitIndex end_unit) noexcept {
@@ -94,15 +108,26 @@ class Arena {
     parallel_chunks(bytes(end()), kGrain, [this](std::size_t begin, std::size_t end_byte) {
       std::memset(base_ + begin, 0, end_byte - begin);
     });
-    next_.store(1,
-                std::memory_order_relaxed);  // relaxed: the caller's synchronisation orders quiescent points
+    // Relaxed: the caller's synchronisation orders quiescent points.
+    next_.store(1, std::memory_order_relaxed);
+    ahead_left_.store(ahead_, std::memory_order_relaxed);
   }
 
  private:
+  UnitIndex take_if(std::uint32_t n, bool may) noexcept {
+    // The load keeps the counter from running away when many threads knock on an empty arena. Relaxed, like
+    // the fetch_add: uniqueness of the ranges is all that is needed; what is built in them is published by
+    // other words.
+    if (next_.load(std::memory_order_relaxed) + n > units_ || !may || !Sync::may_allocate()) return 0;
+    const std::uint64_t first = next_.fetch_add(n, std::memory_order_relaxed);
+    return first + n > units_ ? 0 : static_cast<UnitIndex>(first);
+  }
+
   static constexpr std::size_t bytes(std::uint64_t units) noexcept { return units * kUnitBytes; }
 
   std::byte* base_;
-  std::uint64_t units_;
+  std::uint64_t units_, ahead_;  // the former with 0 and the latter
+  typename Sync::template Atomic<std::uint64_t> ahead_left_;
   alignas(kNoSharing) typename Sync::template Atomic<std::uint64_t> next_{1};
 };
 
@@ -120,7 +145,7 @@ class ArenaCursor {
   UnitIndex allocate(Arena& arena, std::uint32_t n, std::uint32_t piece) noexcept {
     if (end_ - begin_ < n) {
       if (n >= piece) return count(arena.take(n), n);
-      const UnitIndex first = arena.take(piece);
+      const UnitIndex first = arena.take_piece(piece);
       if (first == 0) return count(arena.take(n), n);  // the arena's last units, too few for a whole piece
       begin_ = first;
       end_ = first + piece;
@@ -130,10 +155,10 @@ class ArenaCursor {
     return count(result, n);
   }
 
-  /// Takes a piece of `units` and touches its pages, unless that much is at hand already.
+  /// Takes a piece of `units` ahead, if it may, and touches its pages, unless that much is at hand already.
   void prefault(Arena& arena, std::uint32_t units, std::size_t unit_bytes) noexcept {
     if (end_ - begin_ >= units) return;
-    const UnitIndex first = arena.take(units);
+    const UnitIndex first = arena.take_ahead(units);
     if (first == 0) return;
     std::memset(arena.at(first), 0, units * unit_bytes);
     begin_ = first;

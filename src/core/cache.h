@@ -141,7 +141,9 @@ concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r,
   noexcept;
   { s.insert(r) }
   noexcept->std::same_as<InsertResult>;
-  // Takes and touches memory for about n inserts, so that page faults fall outside a measured region.
+  // Takes and touches memory for about n inserts, so that page faults fall outside a measured region. What one session
+  // has taken is no other's until the cache is cleared, but the others' room is not less for it: all sessions together
+  // can take as much so as `capacity` inserts are expected to need; more is not done.
   { s.prefault(n) }
   noexcept;
 };

@@ -11,19 +11,22 @@
 #include <cstddef>
 #include <exception>
 #include <functional>
+#include <new>
 #include <system_error>
 #include <thread>
 #include <vector>
 
 namespace icbench {
 
-/// Starts one more helper; false if the system has no more threads to give.
+/// Starts one more helper; false if the system has no more threads, or no memory for one.
 template <class Work>
 bool start(std::vector<std::jthread>& helpers, Work& work) {
 #if defined(__cpp_exceptions)
   try {
     helpers.emplace_back(std::ref(work));
   } catch (const std::system_error&) {
+    return false;
+  } catch (const std::bad_alloc&) {
     return false;
   }
 #else
@@ -64,7 +67,7 @@ class FirstException {
 };
 
 /// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the
-/// process may run on. f is called from several threads at once. If it throws, chunks may be left out, and one of the
+/// machine has processing units. f is called from several threads at once. If it throws, chunks may be left out, and one of the
 /// exceptions comes out of here when all threads have ended.
 template <class F>
 void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {

@@ -72,7 +72,6 @@ class ProgressCheck {
 
   /// On whose stage come the first `fibers`: no more sessions are set up than those need.
   Trial make_trial(const Setting& setting, unsigned fibers) {
-    if (setting.pool == Pool::scarce) fibers = kFibers;  // for which its room was reckoned
     return Trial(stage_, subject_, landscape_, sessions(fibers), setting.prefill, setting.pool);
   }
   std::uint32_t sessions(unsigned fibers) const noexcept { return is_alone_ ? 1 : fibers + 1; }

@@ -34,6 +34,9 @@ class Stage {
     for (Actor& a : actors_) a = {};
   }
 
+  /// Whether pools have no whole pieces left.
+  void refuse_pieces(bool refuse) noexcept { refuses_pieces_ = refuse; }
+
   /// Puts fiber `i` on stage, before `body`'s first instruction.
   void start(unsigned i, std::function<void()> body) {
     actors_[i] = {};
@@ -76,6 +79,7 @@ class Stage {
     a.steps = 0;
     a.extents.clear();
   }
+  static bool may_take_pieces() noexcept { return !is_inside() || !active_->refuses_pieces_; }
   static void point() noexcept {
     if (is_inside()) actor().pass();
   }
@@ -130,6 +134,7 @@ class Stage {
   Fibers fibers_;
   std::vector<Actor> actors_;
   std::uint64_t writes_ = 0;
+  bool refuses_pieces_ = false;
 };
 
 }  // namespace icbench::stress

@@ -40,6 +40,7 @@ struct StepHooks : NoHooks {
     std::memset(const_cast<void*>(memory), 0xee, size);
     Stage::point();
   }
+  static bool may_take_pieces() noexcept { return Stage::may_take_pieces(); }
   static void extent(std::uint32_t items) { Stage::extent(items); }
   static void wait_turn(unsigned turn) noexcept {
     if (Stage::is_inside()) {

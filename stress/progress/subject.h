@@ -26,7 +26,6 @@ class CountedCache {
   /// Quiescent, as for_each_record and end_frame of the cache.
   virtual void for_each_record(const std::function<void(const Record&)>& f) const = 0;
   virtual void end_frame() = 0;
-  virtual void prefault(std::uint32_t session, std::uint32_t n) noexcept = 0;
 
   /// Most steps of an insert of `r`, and of a query that read lists of these extents; none if the cache does not
   /// promise any.
@@ -70,7 +69,6 @@ class CountedCacheOf final : public CountedCache {
     cache_.for_each_record(f);
   }
   void end_frame() override { cache_.end_frame(); }
-  void prefault(std::uint32_t session, std::uint32_t n) noexcept override { sessions_[session].prefault(n); }
 
   std::optional<std::uint64_t> insert_steps(const Record& r) const noexcept override {
     if constexpr (kInsertIsBounded) return cache_.insert_steps(r);

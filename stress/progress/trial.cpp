@@ -9,12 +9,8 @@ namespace icbench::stress {
 namespace {
 
 constexpr std::uint32_t kUsualCapacity = 1 << 13, kLargeCapacity = 1 << 16;
-// Of a scarce pool: sessions take room for 2^15 records, 2^14, and so on down to 64, if they get it. What is left
-// is less than a piece and, by the choice of the capacity, enough for two deep inserts into Ward's tree.
-constexpr std::uint32_t kScarceCapacity = 8 * kTicketBatch + 1, kHoarders = 10, kLargestHoard = 1 << 15;
 
 CacheConfig config_for(std::uint32_t sessions, Pool pool) {
-  if (pool == Pool::scarce) return {.capacity = kScarceCapacity, .max_sessions = sessions + kHoarders};
   return {.capacity = pool == Pool::large ? kLargeCapacity : kUsualCapacity, .max_sessions = sessions};
 }
 
@@ -47,6 +43,7 @@ Trial::Trial(Stage& stage, const ProgressSubject& subject, const Landscape& land
       cache_(subject.make(config_for(sessions, pool))),
       logs_(sessions) {
   stage_.clear();
+  stage_.refuse_pieces(pool == Pool::scarce);
   history_.validity = &landscape_.validity();
   for (const Prefill& p : prefill) {
     for (std::uint32_t i = 0; i < p.records; ++i) insert(sessions - 1, p.kind);
@@ -55,8 +52,6 @@ Trial::Trial(Stage& stage, const ProgressSubject& subject, const Landscape& land
     cache_->end_frame();
     close_epoch();
   }
-  for (std::uint32_t i = 0; pool == Pool::scarce && i < kHoarders; ++i)
-    cache_->prefault(sessions + i, kLargestHoard >> i);
 }
 
 void Trial::start(unsigned i, std::uint32_t count, std::function<Request(std::uint32_t)> request) {

@@ -54,8 +54,7 @@ enum class Pool { usual, large, scarce };
 
 class Trial {
  public:
-  /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1. A pool is
-  /// made scarce by further sessions, which take as much beforehand as they can get.
+  /// `sessions` - 1 fibers, and a session that has inserted the prefill; all of them one if `sessions` is 1.
   Trial(Stage& stage, const ProgressSubject& subject, const Landscape& landscape, std::uint32_t sessions,
         const std::vector<Prefill>& prefill, Pool pool);
   Trial(const Trial&) = delete;
