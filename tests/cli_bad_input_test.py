@@ -1,9 +1,12 @@
 #!/usr/bin/env python3
 """The icbench program and bad input: one line, exit status 2, every file as it was."""
 
+import base64
 import itertools
+import json
 import os
 import resource
+import struct
 import subprocess
 import unittest
 
@@ -185,6 +188,24 @@ class BadInput(Case):
         before = self.contents()
         self.assert_refused(self.run_icbench(*short, "--frames", "1"), "frame_0001.png there is of another animation")
         self.assertEqual(self.contents(), before)
+
+    def test_scenes_seen_or_lit_from_where_no_ray_reaches(self):
+        triangle = base64.b64encode(struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)).decode()
+        light = {"KHR_lights_punctual": {"light": 0}}
+        for eye, lamp, said in ([0, 0, 5], [1e30, 0, 5], "point light 0"), ([0, 1e19, 5], [0, 0, 5], "the camera"):
+            scene = {
+                "asset": {"version": "2.0"},
+                "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64," + triangle}],
+                "bufferViews": [{"buffer": 0, "byteLength": 36}],
+                "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+                "cameras": [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}],
+                "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+                "nodes": [{"mesh": 0}, {"camera": 0, "translation": eye}, {"extensions": light, "translation": lamp}],
+            }
+            (self.folder / "far.gltf").write_text(json.dumps(scene))
+            with self.subTest(said):
+                self.refuse(*small_render(scene="far.gltf"), says=["far.gltf", said + " has a coordinate of"])
 
     def test_what_cannot_be_simulated(self):
         (self.folder / "costs.json").write_text('{"format": "icbench calibration of simulations"}')

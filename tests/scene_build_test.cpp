@@ -69,6 +69,29 @@ TEST(ScenePrepare, NamesWhatIsWrongInOneLine) {
       {[](Scene& s) { s.camera.up = s.camera.target - s.camera.eye; }, "parallel"},
       {[](Scene& s) { s.camera.fov_y = 4.0f; }, "angle"},
       {[&](Scene& s) { s.camera.eye.x = kNan; }, "not finite"},
+      {[](Scene& s) { s.camera.eye.x = -2e15f; }, "the camera has a coordinate of -2e+15 m"},
+      {[](Scene& s) { s.camera.target.z = 2e18f; }, "the camera has a coordinate of 2e+18 m"},
+      {[](Scene& s) {
+         s.point_lights.push_back({.p = {0, 2e15f, 0}});
+       },
+       "point light 0 has a coordinate of 2e+15 m"},
+      {[](Scene& s) {
+         s.frames = 3;
+         s.camera_path = [](float frame) {
+           Camera camera;
+           camera.eye.x = frame == 2.0f ? 1e30f : camera.eye.x;
+           return camera;
+         };
+       },
+       "the camera has a coordinate of 1e+30 m"},
+      {[](Scene& s) {
+         s.frames = 3;
+         s.point_lights.emplace_back();
+         s.change_light = [](float frame, std::span<Material>, std::span<PointLight> lights) {
+           lights[0].p.x = frame == 2.0f ? 1e30f : 0.0f;
+         };
+       },
+       "point light 0 has a coordinate of 1e+30 m"},
       {[](Scene& s) { place(s.meshes[0], 1e-20f, 0.0f, {}); }, "scale it"},
       {[](Scene& s) { place(s.meshes[0], 1e20f, 0.0f, {}); }, "scale it"},
       {[](Scene& s) { s.meshes[0].positions.assign(4, glm::vec3(1.0f)); }, "only degenerate triangles"},

@@ -22,6 +22,8 @@ namespace {
 constexpr double kThinnest = 1e-6;
 // One whose doubled area is below this share of reach^2 is half an epsilon wide.
 constexpr double kSmallest = 1e-12;
+// Embree ends the program where the square of a ray's coordinate leaves float's range, at 1.8e18.
+constexpr float kMostCoordinate = 1e15f;
 
 [[noreturn]] void fail(const Scene& scene, const std::string& what) {
   throw std::runtime_error(fmt::format("scene '{}': {}", scene.name, what));
@@ -74,9 +76,17 @@ void check_texture(const Scene& scene, const Texture& t) {
                             t.width, t.height));
 }
 
+void check_place(const Scene& scene, const std::string& what, const glm::vec3& p) {
+  for (int c = 0; c < 3; ++c)
+    if (!(std::abs(p[c]) <= kMostCoordinate))
+      fail(scene, fmt::format("{} has a coordinate of {:.6g} m; give it at most {:.6g} m", what, p[c],
+                              kMostCoordinate));
+}
+
 void check_point_light(const Scene& scene, std::size_t i) {
   const PointLight& l = scene.point_lights[i];
   if (!is_finite(l.p)) fail(scene, fmt::format("point light {} stands nowhere finite", i));
+  check_place(scene, fmt::format("point light {}", i), l.p);
   if (!is_unit(l.axis))
     fail(scene, fmt::format("the axis of point light {} has not length 1; normalise it", i));
   for (int c = 0; c < 3; ++c)
@@ -133,6 +143,7 @@ void check_mesh(const Scene& scene, const Mesh& mesh) {
 
 void check_camera(const Scene& scene, const Camera& c) {
   if (!is_finite(c.eye) || !is_finite(c.target) || !is_finite(c.up)) fail(scene, "the camera is not finite");
+  for (const glm::vec3& p : {c.eye, c.target}) check_place(scene, "the camera", p);
   const glm::vec3 view = c.target - c.eye;
   if (!(glm::length(view) > 0.0f)) fail(scene, "the camera's eye and target coincide; move one of them");
   if (!(glm::length(glm::cross(view, c.up)) > 1e-4f * glm::length(view) * glm::length(c.up)))

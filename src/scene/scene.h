@@ -146,8 +146,8 @@ float reach_of(const Bounds& bounds) noexcept;
 
 /// Checks the scene, drops triangles too thin or too small to have a normal (counted; deforming meshes keep
 /// theirs), and derives bounds and lights. Idempotent. Throws std::runtime_error with one line if the scene has no
-/// surface, a NaN or infinite vertex, an index out of range, an unphysical material or light, a camera that
-/// cannot look, or a size outside [kMinReach, kMaxReach], in any of its frames.
+/// surface, a NaN or infinite vertex, an index out of range, an unphysical material or light, a camera that cannot
+/// look, either of them with a coordinate above 1e15 m, or a size outside [kMinReach, kMaxReach], in any of its frames.
 void prepare(Scene& scene);
 
 /// A hash of what the light in a prepared scene depends on at a frame: shapes, materials, textures and lights as they
