@@ -137,6 +137,35 @@ TEST(ImportGltf, AScaleThroughZeroIsKeptFromIt) {
   EXPECT_NO_THROW(prepare(imported.scene));
 }
 
+// A spinning parent below which a cube has one more node, which a test flattens.
+GltfFile flattened_cube(const json& flattening, const json& leaf) {
+  GltfFile f = grey_cube();
+  json bottom = leaf;
+  bottom["mesh"] = 0;
+  json middle = flattening;
+  middle["children"] = {GltfFile::append(f.doc["nodes"], bottom)};
+  const auto flat = GltfFile::append(f.doc["nodes"], middle);
+  const auto parent = f.node({{"children", {flat}}});
+  const float h = std::sqrt(0.5f);
+  f.animate(parent, "rotation", f.scalars({0, 1}), f.vec4s({0, 0, 0, 1, h, 0, 0, h}));
+  return f;
+}
+
+TEST(ImportGltf, AMovingMeshOfScaleZeroIsLeftOut) {
+  const json turned = {{"rotation", {0.1, 0.2, 0.3, std::sqrt(0.86)}}};
+  for (const json& flat :
+       {json{{"scale", {0, 0, 0}}}, json{{"scale", {1, 0, 1}}}, json{{"scale", {1e-20, 1e-20, 1e-20}}},
+        json{{"matrix", {1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}}}}) {
+    ImportedScene imported = import_gltf(flattened_cube(flat, turned));
+    EXPECT_EQ(error_of([&] { prepare(imported.scene); }), "") << flat;
+    EXPECT_EQ(imported.scene.meshes.size(), 1u) << flat;
+    EXPECT_TRUE(has_note(imported, "moving meshes of scale 0")) << flat;
+  }
+  ImportedScene shown = import_gltf(flattened_cube({{"scale", {1e-3, 1, 1}}}, turned));
+  EXPECT_EQ(shown.scene.meshes.size(), 2u) << "what is thin alone is left out";
+  EXPECT_NO_THROW(prepare(shown.scene));
+}
+
 TEST(ImportGltf, FramesAreCapped) {
   GltfFile f = grey_cube();
   f.animate(0, "translation", f.scalars({0, 1e9f}), f.vec3s({0, 0, 0, 1, 0, 0}));

@@ -22,6 +22,9 @@ constexpr double kFar = std::numeric_limits<double>::max();
 constexpr double kFarAway = 4.0;
 // Distance of the two sheets of thin glass, as a share of the scene's radius: ten epsilons at the least.
 constexpr double kGlassThickness = 2.0 * kFarAway * 1e1 * kEpsilonShare;
+// A matrix flattens if its determinant is below this share of its axes' lengths multiplied: a pose's floats could not
+// tell whether it mirrors.
+constexpr double kFlatShare = 1e-6;
 // Most poses that the motion of a scene may need.
 constexpr std::size_t kMaxPoses = 4'000'000;
 
@@ -46,6 +49,14 @@ glm::dmat3 cofactors(const glm::dmat4& m) {
 }
 
 bool mirrors(const glm::dmat4& m) { return glm::determinant(glm::dmat3(m)) < 0.0; }
+
+// Whether a matrix leaves no volume, as does a scale of 0 that hides a node; only animated scales are kept from that.
+bool flattens(const glm::dmat4& m) {
+  const glm::dmat3 axes(m);
+  const double most = glm::length(axes[0]) * glm::length(axes[1]) * glm::length(axes[2]);
+  return !(std::abs(glm::determinant(axes)) >
+           std::max(kFlatShare * most, double{std::numeric_limits<float>::min()}));
+}
 
 glm::dvec3 unit_or(const glm::dvec3& v, const glm::dvec3& otherwise) {
   const double longest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
@@ -174,6 +185,9 @@ class Assembly {
     return rig_->world(node, frame / kFramesPerSecond);
   }
 
+  // A pose must have a volume.
+  bool is_hidden(std::uint32_t node) const { return rig_->moves(node) && flattens(world(node)); }
+
   void find_bounds() {
     std::vector<Box> own(model_.shapes.size());
     for (std::size_t i = 0; i < own.size(); ++i)
@@ -225,6 +239,10 @@ class Assembly {
     for (const auto& [node, index] : model_.placed_shapes) {
       const Shape& shape = model_.shapes[index];
       if (shape.triangles.empty()) continue;
+      if (is_hidden(node)) {
+        model_.notes.drop("moving meshes of scale 0");
+        continue;
+      }
       if (rig_->moves(node)) {
         place_moving(node, index, moving);
         continue;

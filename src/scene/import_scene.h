@@ -17,7 +17,7 @@
 // - A file without any light gets a point light at the camera, strong enough that white in the middle of the
 //   scene has radiance 1.
 // - Motion: all node animations of a file at once, at kFramesPerSecond, over the longest of them. Nothing
-//   else moves.
+//   else moves. What moves and has a scale of 0 all along is left out.
 // - Units: metres. FBX and Collada state theirs and are converted; all other numbers are taken as metres.
 // - Coordinates are held as doubles until a scene that lies far from its origin, by more than four times its radius,
 //   has been moved there; a note says by how much. So one that lies 1e6 m away gives the picture it would give at the
