@@ -209,13 +209,80 @@ TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
   EXPECT_EQ(read(lamp), (Material{.albedo = {0.2f, 0.4f, 0.6f}, .emission = {8, 4, 0}}));
 }
 
+json thin_glass() {
+  return {{"pbrMetallicRoughness", {{"metallicFactor", 0}}},
+          {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 1}}}}}};
+}
+
+// A square of thin glass in a large room, placed by a test.
+struct Pane {
+  GltfFile f;
+  std::size_t mesh;
+  Pane() {
+    f.node({{"mesh", f.cube(f.material(json::object()), true)}, {"scale", {4, 4, 4}}});
+    mesh = f.square(f.material(thin_glass()));
+  }
+  std::size_t node(json placed = json::object()) {
+    placed["mesh"] = mesh;
+    return f.node(placed);
+  }
+};
+
+// From the first corner of the pane that stands last to that of its back, in a frame.
+glm::vec3 to_back(const GltfFile& f, float frame = 0.0f) {
+  const Scene scene = import_gltf(f).scene;
+  for (const Mesh& mesh : scene.meshes) {
+    if (!scene.materials[mesh.material].is_specular() || mesh.positions.size() < 8) continue;
+    const Pose pose = mesh.pose ? mesh.pose(frame) : Pose{};
+    const std::size_t n = mesh.positions.size();
+    return pose(mesh.positions[n - 4]) - pose(mesh.positions[n - 8]);
+  }
+  ADD_FAILURE() << "no back";
+  return {};
+}
+
+TEST(ImportGltf, TheSheetsOfThinGlassAreAsFarApartHoweverItIsScaled) {
+  Pane still;
+  still.node();
+  const glm::vec3 back = to_back(still.f);
+  const float apart = -back.z, tolerance = 1e-3f * apart;
+  EXPECT_NEAR(apart, 80.0f * kEpsilonShare * 2.0f * std::sqrt(3.0f), tolerance);
+  Pane appears;
+  appears.f.animate(appears.node(), "scale", appears.f.scalars({0, 0.5, 1}),
+                    appears.f.vec3s({0, 0, 0, 1, 1, 1, 1, 1, 1}), "STEP");
+  expect_near(to_back(appears.f, 20.0f), back, tolerance);
+  Pane shared;
+  shared.node({{"scale", {0.02, 0.02, 0.02}}, {"translation", {1, 1, 1}}});
+  shared.node();
+  expect_near(to_back(shared.f), back, tolerance);
+  for (const json& scale : {json{1, 1, 0.01}, json{-1, 1, 0.01}, json{1, 1, -0.01}, json{0.1, 0.1, 3}}) {
+    Pane uneven;
+    uneven.node({{"scale", scale}});
+    expect_near(to_back(uneven.f), scale[2] < 0 ? -back : back, tolerance);
+  }
+  // Turned by 45 degrees about x and pressed together along z: its normal comes to lie along (0, -1, 10).
+  Pane oblique;
+  const auto turned = GltfFile::append(
+      oblique.f.doc["nodes"],
+      {{"mesh", oblique.mesh}, {"rotation", {std::sin(0.125 * kPi), 0, 0, std::cos(0.125 * kPi)}}});
+  oblique.f.node({{"children", {turned}}, {"scale", {1, 1, 0.1}}});
+  expect_near(to_back(oblique.f), -apart * glm::normalize(glm::vec3(0, -1, 10)), tolerance);
+}
+
+TEST(ImportGltf, GlassThatIsFlatAtAllTimesHasOneSheetAndANote) {
+  Pane flat;
+  flat.node({{"scale", {1, 1, 0}}});
+  ImportedScene imported = import_gltf(flat.f);
+  EXPECT_TRUE(has_note(imported, "one sheet"));
+  EXPECT_NO_THROW(prepare(imported.scene));
+}
+
 TEST(ImportGltf, ThinGlassGetsABackThickGlassDoesNot) {
   GltfFile f;
-  const auto thin =
-      f.material({{"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 1}}}}}});
-  const auto thick = f.material({{"extensions",
-                                  {{"KHR_materials_transmission", {{"transmissionFactor", 1}}},
-                                   {"KHR_materials_volume", {{"thicknessFactor", 0.1}}}}}});
+  const auto thin = f.material(thin_glass());
+  json with_volume = thin_glass();
+  with_volume["extensions"]["KHR_materials_volume"] = {{"thicknessFactor", 0.1}};
+  const auto thick = f.material(with_volume);
   json shining = f.doc["materials"][thin];
   shining["emissiveFactor"] = {1, 1, 1};
   const auto lamp = f.material(shining);

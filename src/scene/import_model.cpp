@@ -107,13 +107,18 @@ struct Part {
   }
 };
 
-// The back of a sheet of thin glass: the same triangles, reversed, `thickness` behind them.
-void add_back(Shape& shape, double thickness) {
+// The back of a sheet of thin glass: the same triangles, reversed, `thickness` behind them where a matrix puts them,
+// whose determinant is not 0.
+void add_back(Shape& shape, double thickness, const glm::dmat4& m) {
   const std::size_t count = shape.positions.size();
   const std::vector<glm::dvec3> n = face_sums(shape);
   const auto first = static_cast<std::uint32_t>(count);
+  const glm::dmat3 turn = cofactors(m);
+  // Directions return by the inverse, the transposed cofactors over the determinant. Of a mirrored shape both the
+  // front and the determinant have the other sign.
+  const glm::dmat3 back = glm::transpose(turn) * (thickness / std::abs(glm::determinant(glm::dmat3(m))));
   for (std::size_t v = 0; v < count; ++v)
-    shape.positions.push_back(shape.positions[v] - thickness * unit_or(n[v], glm::dvec3(0.0)));
+    shape.positions.push_back(shape.positions[v] - back * unit_or(turn * n[v], glm::dvec3(0.0)));
   for (std::size_t v = 0, end = shape.normals.size(); v < end; ++v)
     shape.normals.push_back(-shape.normals[v]);
   for (std::size_t v = 0, end = shape.uvs.size(); v < end; ++v) shape.uvs.push_back(shape.uvs[v]);
@@ -221,13 +226,28 @@ class Assembly {
                                  -centre.x, -centre.y, -centre.z));
   }
 
+  // A shape has one back, right where it is shown largest; where it is smaller its sheets are closer together.
   void thicken_glass() {
-    std::vector<bool> done(model_.shapes.size());
+    struct Largest {
+      double size = 0.0;
+      glm::dmat4 matrix{0.0};
+    };
+    std::map<std::uint32_t, Largest> largest;  // by shape
     for (const auto& [node, shape] : model_.placed_shapes) {
-      if (done[shape] || !model_.materials[model_.shapes[shape].material].thin) continue;
-      done[shape] = true;
-      const double scale = std::cbrt(std::abs(glm::determinant(glm::dmat3(world(node)))));
-      if (scale > 0.0) add_back(model_.shapes[shape], kGlassThickness * bounds_.radius() / scale);
+      if (!model_.materials[model_.shapes[shape].material].thin || is_hidden(node)) continue;
+      Largest& l = largest[shape];
+      for (std::uint32_t frame = 0; frame < (rig_->moves(node) ? scene_.frames : 1u); ++frame) {
+        const glm::dmat4 m = world(node, frame);
+        const double size = std::abs(glm::determinant(glm::dmat3(m)));
+        if (size > l.size) l = {size, m};
+      }
+    }
+    for (const auto& [shape, l] : largest) {
+      if (flattens(l.matrix)) {
+        model_.notes.add("thin glass of scale 0 has one sheet");
+      } else {
+        add_back(model_.shapes[shape], kGlassThickness * bounds_.radius(), l.matrix);
+      }
     }
   }
 
