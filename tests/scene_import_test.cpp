@@ -186,6 +186,15 @@ TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
                   {"metallicFactor", metallic},
                   {"roughnessFactor", roughness}}}};
   };
+  const auto transmitting = [&](double share, double metallic) {
+    json material = pbr(metallic, 0.0);
+    material["extensions"] = {{"KHR_materials_transmission", {{"transmissionFactor", share}}}};
+    return material;
+  };
+  EXPECT_EQ(read(transmitting(0.5, 0.0)).surface, Surface::dielectric);
+  EXPECT_EQ(read(transmitting(1.0, 0.45)).surface, Surface::dielectric);
+  EXPECT_EQ(read(transmitting(0.8, 0.45)).surface, Surface::diffuse);
+  EXPECT_EQ(read(transmitting(1.0, 1.0)).surface, Surface::mirror) << "metal lets nothing through";
   EXPECT_EQ(read(json::object()), Material{.albedo = glm::vec3(1.0f)});
   EXPECT_EQ(read(pbr(0.0, 0.05)), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
   EXPECT_EQ(read(pbr(1.0, 0.2)), (Material{.albedo = {0.2f, 0.4f, 0.6f}}));
@@ -212,6 +221,28 @@ TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
 json thin_glass() {
   return {{"pbrMetallicRoughness", {{"metallicFactor", 0}}},
           {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 1}}}}}};
+}
+
+TEST(ImportGltf, GlassOfIndexOneHardlyRefractsAndOthersAreReplacedWithANote) {
+  const auto read = [](double ior) {
+    GltfFile f;
+    json glass = thin_glass();
+    glass["extensions"]["KHR_materials_ior"] = {{"ior", ior}};
+    f.node({{"mesh", f.square(f.material(glass))}});
+    return import_gltf(f);
+  };
+  for (const double one : {1.0, 1.0 + 1e-12}) {
+    ImportedScene air = read(one);
+    EXPECT_FLOAT_EQ(air.scene.materials[0].ior, 1.0001f);
+    EXPECT_FALSE(has_note(air, "refraction"));
+    EXPECT_NO_THROW(prepare(air.scene));
+  }
+  EXPECT_FLOAT_EQ(read(2.4).scene.materials[0].ior, 2.4f);
+  for (const double odd : {0.0, 0.9, 11.0, -1.0}) {
+    const ImportedScene replaced = read(odd);
+    EXPECT_FLOAT_EQ(replaced.scene.materials[0].ior, 1.5f);
+    EXPECT_TRUE(has_note(replaced, "refraction")) << odd;
+  }
 }
 
 // A square of thin glass in a large room, placed by a test.

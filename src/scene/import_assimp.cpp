@@ -85,16 +85,17 @@ class AssimpReader {
           std::isfinite(colour(emitted)[c]) ? std::clamp(strength * colour(emitted)[c], 0.0f, 1e12f) : 0.0f;
     }
     const float opacity = number(AI_MATKEY_OPACITY, 1.0f), ior = number(AI_MATKEY_REFRACTI, 1.5f);
-    const bool glass = opacity < 0.5f || number(AI_MATKEY_TRANSMISSION_FACTOR, 0.0f) >= 0.5f;
+    const float metallic = number(AI_MATKEY_METALLIC_FACTOR, 0.0f);
+    const bool glass =
+        opacity < 0.5f || number(AI_MATKEY_TRANSMISSION_FACTOR, 0.0f) * (1.0f - metallic) >= 0.5f;
     if (m.emits()) {
       m.surface = Surface::diffuse;
     } else if (glass) {
       m.surface = Surface::dielectric;
-      m.ior = ior > 1.0f && ior <= 10.0f ? ior : 1.5f;
+      m.ior = refracting_index(ior, model_.notes);
       // Such formats often leave the colour of glass black.
       if (m.albedo == glm::vec3(0.0f)) m.albedo = glm::vec3(1.0f);
-    } else if (number(AI_MATKEY_METALLIC_FACTOR, 0.0f) >= 0.5f &&
-               number(AI_MATKEY_ROUGHNESS_FACTOR, 1.0f) <= 0.1f) {
+    } else if (metallic >= 0.5f && number(AI_MATKEY_ROUGHNESS_FACTOR, 1.0f) <= 0.1f) {
       m.surface = Surface::mirror;
     }
     read_textures(material, m);

@@ -80,8 +80,10 @@ class MaterialReader {
 
   Surface surface(const Element& material, double alpha, double metallic, double roughness, bool& thin) {
     double transmission = 0.0;
-    if (const auto t = extension(material, "KHR_materials_transmission"))
-      transmission = t->number("transmissionFactor", 0.0);
+    if (const auto t = extension(material, "KHR_materials_transmission")) {
+      transmission = t->number("transmissionFactor", 0.0) * (1.0 - metallic);
+      if (t->has("transmissionTexture")) model_.notes.drop("transmission textures (factors count)");
+    }
     const auto volume = extension(material, "KHR_materials_volume");
     const bool blends = material.text("alphaMode", "OPAQUE") == "BLEND";
     if (transmission >= 0.5 || (blends && alpha < 0.5)) {
@@ -92,10 +94,9 @@ class MaterialReader {
     return metallic >= 0.5 && roughness <= 0.1 ? Surface::mirror : Surface::diffuse;
   }
 
-  static float index_of_refraction(const Element& material) {
+  float index_of_refraction(const Element& material) {
     const auto ior = extension(material, "KHR_materials_ior");
-    const auto value = static_cast<float>(ior ? ior->number("ior", 1.5) : 1.5);
-    return value > 1.0f && value <= 10.0f ? value : 1.5f;
+    return refracting_index(ior ? ior->number("ior", 1.5) : 1.5, model_.notes);
   }
 
   glm::vec3 emission(const Element& material) {

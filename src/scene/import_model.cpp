@@ -417,6 +417,14 @@ std::vector<std::string> Notes::lines() const {
   return lines;
 }
 
+float refracting_index(double n, Notes& notes) {
+  if (!(n >= 1.0 && n <= 10.0)) {
+    notes.drop("indices of refraction that are not from 1 to 10 (1.5 counts)");
+    return 1.5f;
+  }
+  return std::max(static_cast<float>(n), 1.0001f);
+}
+
 ImportedScene assemble(Model model) {
   const std::string file = model.file;
   try {

@@ -88,6 +88,10 @@ struct Model {
   Notes notes;
 };
 
+/// An index of refraction for a dielectric: 1, which would bend nothing, becomes 1.0001, and one outside [1, 10]
+/// becomes 1.5 with a note.
+float refracting_index(double n, Notes& notes);
+
 /// Places, joins and recentres everything. Throws std::runtime_error with one line.
 ImportedScene assemble(Model model);
 

@@ -1,13 +1,14 @@
 // Scenes from files: glTF 2.0 (.gltf, .glb), Radiance (.rad) and every other format that assimp reads.
 //
 // What becomes of a file
-// - Materials: diffuse, mirror or dielectric, whichever is nearest; base-colour textures (PNG, JPEG). glTF:
-//   KHR transmission of 0.5 or more, or an alpha below 0.5 that blends, is a dielectric; metallic >= 0.5 with
-//   roughness <= 0.1 is a mirror; all else is diffuse with the base colour. Radiance: plastic is diffuse with
-//   all it reflects, and so is metal unless it is a mirror by specularity >= 0.5 and roughness <= 0.05;
-//   mirror; glass and dielectric are dielectrics; light, glow, illum and spotlight emit. Glass without
-//   thickness gets a second sheet behind the first, so that rays leave it in the direction in which they
-//   came; each tints by the root of the base colour (what assimp reads has one sheet, which tints by all of it).
+// - Materials: diffuse, mirror or dielectric, whichever is nearest; base-colour textures (PNG, JPEG). glTF: KHR
+//   transmission of 0.5 or more of what is not metal, or an alpha below 0.5 that blends, is a dielectric; metallic >=
+//   0.5 with roughness <= 0.1 is a mirror; all else is diffuse with the base colour. An index of refraction of 1 is
+//   taken as 1.0001, one outside [1, 10] as 1.5. Radiance: plastic is diffuse with all it reflects, and so is metal
+//   unless it is a mirror by specularity >= 0.5 and roughness <= 0.05; mirror; glass and dielectric are dielectrics;
+//   light, glow, illum and spotlight emit. Glass without thickness gets a second sheet behind the first, so that rays
+//   leave it in the direction in which they came; each tints by the root of the base colour (what assimp reads has
+//   one sheet, which tints by all of it).
 // - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are
 //   taken as radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional
 //   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre, and shines
