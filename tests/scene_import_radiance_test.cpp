@@ -99,6 +99,18 @@ TEST(ImportRadiance, ModifiersAreFollowedToTheirMaterial) {
   EXPECT_TRUE(has_note(odd, "void"));
 }
 
+TEST(ImportRadiance, WhatLightsLeaveOutIsNamed) {
+  const auto read = [](const std::string& material) {
+    return import_text("s.rad", "void " + material + "\nm polygon p 0 0 9 0 0 0 1 0 0 0 1 0");
+  };
+  EXPECT_TRUE(has_note(read("glow m 0 0 4 5 6 7 2"), "radii of glow"));
+  EXPECT_TRUE(has_note(read("glow m 0 0 4 5 6 7 -1"), "radii of glow"));
+  EXPECT_FALSE(has_note(read("glow m 0 0 4 5 6 7 0"), "radii of glow"));
+  EXPECT_TRUE(
+      has_note(read("plastic wall 0 0 5 .5 .5 .5 0 0\nvoid illum m 1 wall 0 3 5 6 7"), "how illum looks"));
+  EXPECT_FALSE(has_note(read("light m 0 0 3 5 6 7"), "left out"));
+}
+
 TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
   const TemporaryFolder folder;
   write(folder / "room.rad", kRadianceRoom);

@@ -538,6 +538,26 @@ TEST(ImportGltf, WhatIsLeftOutIsNamedOnce) {
             1);
 }
 
+TEST(ImportGltf, ExtensionsAndTexturesThatAreNotReadAreNamed) {
+  GltfFile f = spinning_cube();
+  f.doc["extensionsUsed"] = {"KHR_node_visibility", "KHR_materials_ior", "KHR_materials_dispersion"};
+  for (int i = 0; i < 40; ++i) f.doc["extensionsUsed"].push_back("EXT_made_up_" + std::to_string(i));
+  json& materials = f.doc["materials"];
+  materials[0] = thin_glass();
+  materials[0]["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {{"index", 0}};
+  materials[1] = {
+      {"extensions", {{"KHR_materials_pbrSpecularGlossiness", {{"specularFactor", {0, 0.5, 0}}}}}}};
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "KHR_node_visibility, KHR_materials_dispersion, EXT_made_up_0,"));
+  EXPECT_FALSE(has_note(imported, "KHR_materials_ior"));
+  EXPECT_FALSE(has_note(imported, "EXT_made_up_30")) << "there may be any number";
+  EXPECT_TRUE(has_note(imported, "22 more extensions"));
+  EXPECT_TRUE(has_note(imported, "transmission textures"));
+  EXPECT_TRUE(has_note(imported, "specular part"));
+  f.doc["materials"][1]["extensions"]["KHR_materials_pbrSpecularGlossiness"]["specularFactor"] = {0, 0, 0};
+  EXPECT_FALSE(has_note(import_gltf(f), "specular part")) << "there is none";
+}
+
 TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {
   const TemporaryFolder folder;
   write(folder / "cube.gltf", grey_cube().text());

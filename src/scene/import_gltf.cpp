@@ -8,6 +8,7 @@
 #include <glm/gtc/type_ptr.hpp>
 #include <map>
 #include <numbers>
+#include <set>
 #include <stdexcept>
 #include <string>
 
@@ -19,7 +20,7 @@
 namespace icbench::importing {
 namespace {
 
-// What a file may require and be read all the same.
+// What a file may require and be read all the same; what is not read of it is named where it is used.
 constexpr std::array<std::string_view, 14> kKnownExtensions = {
     "KHR_lights_punctual",       "KHR_materials_emissive_strength",
     "KHR_materials_ior",         "KHR_materials_transmission",
@@ -29,7 +30,10 @@ constexpr std::array<std::string_view, 14> kKnownExtensions = {
     "KHR_mesh_quantization",     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_iridescence", "KHR_materials_anisotropy"};
 
+constexpr std::string_view kInstancing = "EXT_mesh_gpu_instancing";  // named where it is used, too
+
 constexpr std::size_t kMaxPlaced = 1'000'000;
+constexpr std::size_t kMostNamed = 20;  // extensions
 
 struct Chunks {
   std::string_view json, binary;
@@ -81,12 +85,22 @@ class GltfReader {
 
  private:
   void check_extensions() {
-    const std::size_t count = document_.items("extensionsRequired");
-    for (std::size_t i = 0; i < count; ++i) {
+    const auto known = [](const std::string& name) {
+      return std::find(kKnownExtensions.begin(), kKnownExtensions.end(), name) != kKnownExtensions.end();
+    };
+    for (std::size_t i = 0; i < document_.items("extensionsRequired"); ++i) {
       const Element name = document_.at("extensionsRequired")[i];
-      if (std::find(kKnownExtensions.begin(), kKnownExtensions.end(), name.text()) == kKnownExtensions.end())
+      if (!known(name.text()))
         name.fail(fmt::format("is {}, which is not read; export the scene without it", name.text()));
     }
+    std::set<std::string> unknown;
+    for (std::size_t i = 0; i < document_.items("extensionsUsed"); ++i) {
+      const std::string name = document_.at("extensionsUsed")[i].text();
+      if (known(name) || name == kInstancing || !unknown.insert(name).second) continue;
+      if (unknown.size() <= kMostNamed) model_.notes.drop(name);
+    }
+    if (unknown.size() > kMostNamed)
+      model_.notes.drop(fmt::format("{} more extensions", unknown.size() - kMostNamed));
   }
 
   // From the roots down, without recursion, each node once.
@@ -169,7 +183,7 @@ class GltfReader {
         const Element lights = document_.at("extensions").at("KHR_lights_punctual").at("lights");
         place_light(lights[light->at("light").index(lights.size())], at);
       }
-      if (extensions->has("EXT_mesh_gpu_instancing")) model_.notes.drop("EXT_mesh_gpu_instancing");
+      if (extensions->has(kInstancing.data())) model_.notes.drop(kInstancing);
     }
   }
 

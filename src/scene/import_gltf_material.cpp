@@ -71,6 +71,12 @@ class MaterialReader {
       model_.notes.drop("light from the back of double-sided surfaces");
     const auto extensions = material.find("extensions");
     if (!extensions) return;
+    if (const auto older = extensions->find("KHR_materials_pbrSpecularGlossiness")) {
+      double specular[3] = {1.0, 1.0, 1.0};
+      older->numbers("specularFactor", specular, 3);
+      if (std::max({specular[0], specular[1], specular[2]}) > 0.0)
+        model_.notes.drop("the specular part of KHR_materials_pbrSpecularGlossiness");
+    }
     for (const char* name : {"KHR_materials_clearcoat", "KHR_materials_sheen", "KHR_materials_specular",
                              "KHR_materials_iridescence", "KHR_materials_anisotropy", "KHR_materials_unlit"})
       if (extensions->has(name)) model_.notes.drop(name);

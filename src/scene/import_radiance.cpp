@@ -154,6 +154,8 @@ class RadianceReader {
       for (std::size_t c = 0; c < 3; ++c)
         m.emission[static_cast<int>(c)] = static_cast<float>(std::clamp(p.reals[c], 0.0, 1e12));
       if (p.type == "spotlight") model_.notes.drop("cones of spotlights");
+      if (p.type == "glow" && p.reals.size() > 3 && p.reals[3] != 0.0) model_.notes.drop("radii of glow");
+      if (p.type == "illum") model_.notes.drop("how illum looks when it is seen");
     } else if (p.type == "mirror") {
       need(p, 3, 3);
       m.albedo = colour(p);
