@@ -156,6 +156,35 @@ TEST(ImportBadGltf, InstancesBeyondAllMeasureAreRefusedBeforeTheyAreMade) {
   EXPECT_TRUE(is_one_line_with(complaint(folder / "many.glb", f.glb()), "instances counted"));
 }
 
+// A message's text ends at the first NUL.
+TEST(ImportBadNames, ANulDoesNotCutTheMessageOff) {
+  const TemporaryFolder folder;
+  const std::string name("a\0z", 3);
+  const auto gltf = [&](const std::function<void(json&)>& spoil) {
+    json doc = json::parse(spinning_cube().text());
+    spoil(doc);
+    return complaint(folder / "nul.gltf", doc.dump());
+  };
+  EXPECT_TRUE(is_one_line_with(gltf([&](json& d) { d["extensionsRequired"] = {name}; }),
+                               "is a?z, which is not read; export the scene without it"));
+  EXPECT_TRUE(is_one_line_with(gltf([&](json& d) {
+                                 d["nodes"][0]["name"] = name;
+                                 d["nodes"][0]["matrix"] = {1e308, 0, 0, 0, 1e308, 1, 0, 0,
+                                                            0,     0, 1, 0, 0,     0, 0, 1};
+                                 d["nodes"][0]["children"] = {d["nodes"].size()};
+                                 json child = d["nodes"][0];
+                                 child.erase("children");
+                                 d["nodes"].push_back(child);
+                               }),
+                               "node 'a?z' stands nowhere finite; mend"));
+  for (const std::string& uri : {name, std::string("a%00z")})
+    EXPECT_TRUE(is_one_line_with(gltf([&](json& d) { d["buffers"][0]["uri"] = uri; }), "a NUL"));
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "nul.rad", "red polygon p 0 0 9 0 0 " + name),
+                               "line 1: 'a?z' is not a real argument of at most"));
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "nul.rad", "red sphere " + name + " 0 0 4 0 0 0 0"),
+                               "sphere 'a?z' has no radius"));
+}
+
 TEST(ImportBadRadiance, TheLineIsNamed) {
   const TemporaryFolder folder;
   const std::string good =

@@ -131,7 +131,9 @@ std::string GltfData::load(const Element& uri) const {
     }
     if (text.find("://") != std::string::npos)
       throw std::runtime_error("is not a local file; put it beside the scene");
-    return load_file(folder_ / unescaped(text));
+    const std::string name = unescaped(text);
+    if (name.find('\0') != name.npos) throw std::runtime_error("holds a NUL; mend it");
+    return load_file(folder_ / name);
   } catch (const std::runtime_error& error) {
     uri.fail(std::string(": ") + error.what());
   }

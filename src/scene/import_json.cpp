@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "scene/import_text.h"
+
 namespace icbench::importing {
 namespace {
 
@@ -47,7 +49,7 @@ nlohmann::json parse_json(std::string_view text) {
 }
 
 void Element::fail(const std::string& what) const {
-  throw std::runtime_error(fmt::format("{} {}", place_.empty() ? "the document" : place_, what));
+  throw std::runtime_error(one_line(fmt::format("{} {}", place_.empty() ? "the document" : place_, what)));
 }
 
 std::optional<Element> Element::find(const char* key) const {

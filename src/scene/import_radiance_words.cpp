@@ -8,6 +8,8 @@
 #include <glm/geometric.hpp>
 #include <stdexcept>
 
+#include "scene/import_text.h"
+
 namespace icbench::importing {
 namespace {
 
@@ -16,7 +18,7 @@ bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
 }  // namespace
 
 void RadianceWords::fail(std::size_t line, const std::string& what) const {
-  throw std::runtime_error(fmt::format("{}: line {}: {}", file_, line, what));
+  throw std::runtime_error(one_line(fmt::format("{}: line {}: {}", file_, line, what)));
 }
 
 void RadianceWords::skip_space() {

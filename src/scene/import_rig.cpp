@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "scene/import_text.h"
+
 namespace icbench::importing {
 namespace {
 
@@ -64,7 +66,7 @@ bool Channel::is_constant() const {
 }
 
 std::uint32_t Rig::add(std::string name, int parent, const Local& local) {
-  nodes_.push_back({.name = std::move(name), .parent = parent, .local = local});
+  nodes_.push_back({.name = one_line(std::move(name)), .parent = parent, .local = local});
   return static_cast<std::uint32_t>(nodes_.size() - 1);
 }
 

@@ -9,19 +9,13 @@
 
 #include "files/input_file.h"
 #include "scene/import_model.h"
+#include "scene/import_text.h"
 
 namespace icbench {
 namespace {
 
 std::string lower_case(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-// Names in files hold anything; a message is one line that a terminal can show.
-std::string one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
   return text;
 }
 
@@ -40,6 +34,7 @@ bool names_a_file(std::string_view name) {
 }
 
 ImportedScene import_scene(const std::filesystem::path& file) {
+  using importing::one_line;
   try {
     ImportedScene imported = importing::assemble(read(file));
     for (std::string& note : imported.notes) note = one_line(std::move(note));
