@@ -156,6 +156,19 @@ TEST(ImportBadGltf, InstancesBeyondAllMeasureAreRefusedBeforeTheyAreMade) {
   EXPECT_TRUE(is_one_line_with(complaint(folder / "many.glb", f.glb()), "instances counted"));
 }
 
+TEST(ImportBadGltf, ZerosAreCountedOverAllAccessors) {
+  const TemporaryFolder folder;
+  GltfFile f = spinning_cube();
+  const auto zeros =
+      GltfFile::append(f.doc["accessors"], {{"componentType", 5126}, {"count", 40'000}, {"type", "VEC3"}});
+  json& primitives = f.doc["meshes"][0]["primitives"];
+  const json nothing = {{"attributes", {{"POSITION", zeros}}}};
+  primitives.push_back(nothing);
+  EXPECT_EQ(complaint(folder / "zeros.gltf", f.text()), "");
+  primitives.push_back(nothing);
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "zeros.gltf", f.text()), "of nothing"));
+}
+
 // A message's text ends at the first NUL.
 TEST(ImportBadNames, ANulDoesNotCutTheMessageOff) {
   const TemporaryFolder folder;
@@ -183,6 +196,15 @@ TEST(ImportBadNames, ANulDoesNotCutTheMessageOff) {
                                "line 1: 'a?z' is not a real argument of at most"));
   EXPECT_TRUE(is_one_line_with(complaint(folder / "nul.rad", "red sphere " + name + " 0 0 4 0 0 0 0"),
                                "sphere 'a?z' has no radius"));
+}
+
+TEST(ImportBadRadiance, SpheresBeyondAllMeasureAreRefusedBeforeTheyAreMade) {
+  const TemporaryFolder folder;
+  std::string text;
+  for (std::size_t triangles = 0; triangles <= kMaxVertices; triangles += 2600)
+    text += "red sphere s 0 0 4 0 0 0 1\n";
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "many.rad", text),
+                               "sphere 's' is one too many: more than " + std::to_string(kMaxVertices)));
 }
 
 TEST(ImportBadRadiance, TheLineIsNamed) {

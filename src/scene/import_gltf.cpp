@@ -291,8 +291,10 @@ class GltfReader {
     } else {
       for (std::size_t v = 0; v < count; ++v) indices.push_back(static_cast<std::uint32_t>(v));
     }
-    vertices_ += indices.size() / 3;
     const std::size_t n = indices.size();
+    triangles_ += mode == 4 ? n / 3 : n;
+    if (triangles_ > kMaxVertices)
+      primitive.fail(fmt::format("is one too many: all have more than {} triangles", kMaxVertices));
     if (mode == 4)
       for (std::size_t i = 0; i + 2 < n; i += 3)
         shape.triangles.emplace_back(indices[i], indices[i + 1], indices[i + 2]);
@@ -357,7 +359,7 @@ class GltfReader {
   std::vector<TextureUse> uses_;  // by material
   std::vector<int> node_of_;      // from the file's nodes to the rig's; -1: not in this scene
   std::map<std::uint32_t, std::vector<std::uint32_t>> shapes_of_;  // by mesh
-  std::size_t vertices_ = 0;
+  std::size_t vertices_ = 0, triangles_ = 0;
   int cameras_ = 0;
 };
 

@@ -13,7 +13,7 @@
 namespace icbench::importing {
 namespace {
 
-// Most elements of an accessor that has no bytes of its own, beyond those that the buffers could hold.
+// Most elements in all of accessors that have no bytes of their own, beyond those that the buffers could hold.
 constexpr std::size_t kMostZeros = std::size_t{1} << 16;
 
 std::size_t component_size(const Element& type) {
@@ -171,7 +171,8 @@ GltfData::Layout GltfData::layout(const Element& accessor) const {
   if (const auto n = accessor.find("normalized")) layout.normalised = n->truth();
   const auto index = accessor.find("bufferView");
   if (!index) {
-    if (layout.count > bytes_ + kMostZeros)
+    zeros_ += layout.count;
+    if (zeros_ > bytes_ + kMostZeros)
       accessor.fail(fmt::format("claims {} elements of nothing; give it a bufferView", layout.count));
     return layout;
   }

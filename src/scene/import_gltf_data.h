@@ -54,7 +54,8 @@ class GltfData {
   std::filesystem::path folder_;
   std::vector<std::string> loaded_;
   std::vector<std::string_view> buffers_;
-  std::size_t bytes_ = 0;  // of all buffers
+  std::size_t bytes_ = 0;          // of all buffers
+  mutable std::size_t zeros_ = 0;  // elements read of accessors without bytes
 };
 
 }  // namespace icbench::importing

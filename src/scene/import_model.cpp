@@ -160,9 +160,9 @@ class Assembly {
     for (const auto& [node, shape] : model_.placed_shapes) {
       vertices += model_.shapes[shape].positions.size();
       triangles += model_.shapes[shape].triangles.size();
-      if (2 * std::max(vertices, triangles) > kMaxVertices)
+      if (std::max(vertices, triangles) > kMaxVertices)
         fail(fmt::format("describes more than {} vertices or triangles, instances counted; reduce it",
-                         kMaxVertices / 2));
+                         kMaxVertices));
     }
     if (triangles == 0) fail("holds no triangle");
   }

@@ -238,16 +238,22 @@ class RadianceReader {
     const double size = surfaces_.empty() ? 0.0 : glm::distance(lower_, upper_);
     std::size_t triangles = 0;
     for (const auto& [p, material] : surfaces_) {
-      const double radius = is_sphere(p.type)     ? std::abs(p.reals[3])
-                            : p.type == "polygon" ? 0.0
-                                                  : std::max(p.reals[6], p.reals[7]);
-      const int n =
-          radius > 0.0 ? segments(radius, std::max(kChordOfRadius * radius, kChordOfScene * size)) : 0;
+      const int n = segments_of(p, size);
       triangles += is_sphere(p.type) ? sphere_triangles(n) : n > 0 ? strip_triangles(n) : p.reals.size() / 3;
       if (triangles > kMaxVertices)
         fail(p, fmt::format("is one too many: more than {} triangles", kMaxVertices));
+    }
+    for (const auto& [p, material] : surfaces_) {
+      const int n = segments_of(p, size);
       add_surface(p, n, shape_of(material, n > 0 && !is_disc(p.type), p.name));
     }
+  }
+
+  // Of a curved surface in a scene of a size; 0 for a polygon.
+  static int segments_of(const Primitive& p, double size) {
+    if (p.type == "polygon") return 0;
+    const double radius = is_sphere(p.type) ? std::abs(p.reals[3]) : std::max(p.reals[6], p.reals[7]);
+    return segments(radius, std::max(kChordOfRadius * radius, kChordOfScene * size));
   }
 
   static void add_surface(const Primitive& p, int n, Shape& to) {

@@ -46,8 +46,8 @@ inline constexpr double kFramesPerSecond = 24.0;
 inline constexpr std::uint32_t kMaxFrames = 10'000;
 inline constexpr double kSunDistance = 50.0;
 
-/// Most vertices, and triangles, that a file may describe, instances that stand still counted each.
-inline constexpr std::size_t kMaxVertices = std::size_t{1} << 26;
+/// Most vertices, and triangles, that a file may describe, instances counted each, second sheets of glass not.
+inline constexpr std::size_t kMaxVertices = std::size_t{1} << 25;
 /// Most texels of all textures of a file.
 inline constexpr std::size_t kMaxTexels = std::size_t{1} << 26;
 
