@@ -99,6 +99,18 @@ TEST(ImportRadiance, ModifiersAreFollowedToTheirMaterial) {
   EXPECT_TRUE(has_note(odd, "void"));
 }
 
+TEST(ImportRadiance, GreyIsNamedWhereASurfaceShowsIt) {
+  const std::string polygon = " polygon p 0 0 9 0 0 0 1 0 0 0 1 0\n";
+  const std::string pattern = "void brightdata dist 0 0 0\ndist alias other dist\n";
+  const ImportedScene lamp = import_text("s.rad", pattern + "dist light lamp 0 0 3 1 1 1\nlamp" + polygon);
+  EXPECT_FALSE(has_note(lamp, "grey")) << "only a light has the pattern";
+  EXPECT_TRUE(has_note(lamp, "brightdata"));
+  EXPECT_TRUE(
+      has_note(import_text("s.rad", pattern + "dist" + polygon), "grey stands for the modifiers dist"));
+  EXPECT_TRUE(has_note(import_text("s.rad", pattern + "void alias third other\nthird" + polygon),
+                       "grey stands for the modifiers dist"));
+}
+
 TEST(ImportRadiance, WhatLightsLeaveOutIsNamed) {
   const auto read = [](const std::string& material) {
     return import_text("s.rad", "void " + material + "\nm polygon p 0 0 9 0 0 0 1 0 0 0 1 0");
@@ -109,6 +121,13 @@ TEST(ImportRadiance, WhatLightsLeaveOutIsNamed) {
   EXPECT_TRUE(
       has_note(read("plastic wall 0 0 5 .5 .5 .5 0 0\nvoid illum m 1 wall 0 3 5 6 7"), "how illum looks"));
   EXPECT_FALSE(has_note(read("light m 0 0 3 5 6 7"), "left out"));
+}
+
+TEST(ImportRadiance, ACylinderOfNegativeRadiusIsATube) {
+  EXPECT_NEAR(rad_volume("red cylinder c 0 0 7 0 0 -1 0 0 1 -.5"), -2.0 / 3.0 * kPi * 0.5, 0.01);
+  EXPECT_NEAR(rad_volume("red tube c 0 0 7 0 0 -1 0 0 1 -.5"), 2.0 / 3.0 * kPi * 0.5, 0.01);
+  EXPECT_TRUE(has_note(import_text("s.rad", std::string(kRed) + "red cylinder c 0 0 7 0 0 -1 0 0 1 -.5"),
+                       "negative radius"));
 }
 
 TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {

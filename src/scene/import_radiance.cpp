@@ -59,8 +59,9 @@ class RadianceReader {
  private:
   // A modifier: the material it comes to.
   struct Definition {
-    std::uint32_t material;
-    bool invisible;  // void all along
+    std::uint32_t material = 0;
+    bool invisible = false;     // void all along
+    std::string grey_stands{};  // for this modifier; empty: it is known
   };
   struct Kept {
     Primitive primitive;
@@ -101,7 +102,7 @@ class RadianceReader {
     // A pattern, texture or mixture, or a material of another kind: whatever it modifies shows through.
     unknown_.insert(p.type);
     if (p.modifier == "void") {
-      definitions_[p.name] = {grey(p.name), false};
+      definitions_[p.name] = grey(p.name);
     } else {
       definitions_[p.name] = resolve(p.modifier);
     }
@@ -117,15 +118,14 @@ class RadianceReader {
   }
 
   Definition resolve(const std::string& modifier) {
-    if (modifier == "void") return {0, true};
+    if (modifier == "void") return {.invisible = true};
     const auto known = definitions_.find(modifier);
-    return known != definitions_.end() ? known->second : Definition{grey(modifier), false};
+    return known != definitions_.end() ? known->second : grey(modifier);
   }
 
-  std::uint32_t grey(const std::string& name) {
-    grey_.insert(name);
+  Definition grey(const std::string& name) {
     if (grey_material_ == ~0u) grey_material_ = add({.albedo = glm::vec3(0.5f)}, false);
-    return grey_material_;
+    return {.material = grey_material_, .grey_stands = name};
   }
 
   std::uint32_t add(const Material& material, bool thin) {
@@ -176,7 +176,7 @@ class RadianceReader {
     } else {
       return false;
     }
-    definitions_[p.name] = {add(m, thin), false};
+    definitions_[p.name] = {.material = add(m, thin)};
     return true;
   }
 
@@ -207,6 +207,11 @@ class RadianceReader {
       extend(point(p, 0), std::abs(p.reals[3]));
     } else if (is_cylinder(p.type) || is_cone(p.type)) {
       need(p, is_cone(p.type) ? 8 : 7, is_cone(p.type) ? 8 : 7);
+      if (is_cylinder(p.type) && p.reals[6] < 0.0) {
+        p.type = p.type == "tube" ? "cylinder" : "tube";
+        p.reals[6] = -p.reals[6];
+        model_.notes.add("a cylinder of negative radius is taken as a tube, and a tube as a cylinder");
+      }
       if (is_cylinder(p.type)) p.reals.push_back(p.reals[6]);
       if (p.reals[6] < 0.0 || p.reals[7] < 0.0 || p.reals[6] + p.reals[7] == 0.0)
         fail(p, "has no positive radius");
@@ -224,6 +229,7 @@ class RadianceReader {
     if (looks.invisible) {
       model_.notes.drop("surfaces with the modifier void");
     } else {
+      if (!looks.grey_stands.empty()) grey_.insert(looks.grey_stands);
       surfaces_.push_back({std::move(p), looks.material});
     }
     return true;
