@@ -92,7 +92,8 @@ class AssimpReader {
       m.surface = Surface::diffuse;
     } else if (glass) {
       m.surface = Surface::dielectric;
-      m.ior = refracting_index(ior, model_.notes);
+      // assimp says 1 where a file says nothing.
+      m.ior = ior == 1.0f ? 1.5f : refracting_index(ior, model_.notes);
       // Such formats often leave the colour of glass black.
       if (m.albedo == glm::vec3(0.0f)) m.albedo = glm::vec3(1.0f);
     } else if (metallic >= 0.5f && number(AI_MATKEY_ROUGHNESS_FACTOR, 1.0f) <= 0.1f) {
