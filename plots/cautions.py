@@ -4,7 +4,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import style
-from results import Setup, kMinRepetitions, kNoisy, summarise
+from results import Setup, kFewRepetitions, kMinRepetitions, kNoisy, summarise
 
 
 @dataclass
@@ -70,7 +70,7 @@ def cautions(setup: Setup) -> list[Caution]:
     if few:
         made.append(Caution(False, f"{few} of {len(table)} cells have fewer than {kMinRepetitions} "
                                    "repetitions: they carry no interval."))
-    weak = ((table["n"] >= kMinRepetitions) & (table["n"] < 6)).sum()
+    weak = ((table["n"] >= kMinRepetitions) & (table["n"] < kFewRepetitions)).sum()
     if weak:
         made.append(Caution(False, f"{weak} of {len(table)} cells have three to five repetitions: a "
                                    "bootstrap interval then reaches no further than the samples and covers "

@@ -10,14 +10,13 @@ from choice import (Answer, Choice, answer, choice, errors_at, evidence, kExtrap
                     kSimulated, tails)
 from figure import Omitted
 from over_threads import cache_rows
-from results import Setup, summarise
+from results import kFewRepetitions, Setup, summarise
 from tables import note_line, table, text
 
 kRows = (4, 16, 64, 256, 1024)   # of the static table
 kColumns = 4                     # likewise, numbers of cores
 kMicrosecondRows = (0, 1, 10, 100, 1000)
 kCertainties = (kMeasured, kSimulated, kExtrapolated)
-kFewRepetitions = 6  # below it a bootstrap interval reaches no further than the samples
 kTitle = "Which scheme to use"
 
 

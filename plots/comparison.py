@@ -3,7 +3,8 @@
 Every cell (cache, workload, thread count) that both measured gets the ratio of the second run over the first with its
 95 % interval, by bootstrap: over ratios paired by repetition where both runs had the same seed, so that a repetition
 asked for the same points and rays; else of the ratio of medians, each run's repetitions drawn by themselves. Runs are
-told apart by machine and never pooled.
+told apart by machine and never pooled. Intervals are expanded for few repetitions as those of results.py are, by the
+fewest that go into a ratio.
 """
 from __future__ import annotations
 
@@ -14,10 +15,9 @@ import numpy as np
 import pandas as pd
 
 import style
-from results import kConfidence, kIdentityKeys, kMinRepetitions, Setup
+from results import kIdentityKeys, kMinRepetitions, Setup, tail
 
 kDraws = 1000
-kTail = 50 * (1 - kConfidence)
 kMachineKeys = ("host_name", "cpu_model", "cpu", "num_cpus", "machine")
 kBuildKeys = ("commit", "dirty", "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
 kCell = ["cache", "panel", "threads"]
@@ -112,6 +112,15 @@ def _groups(rows: pd.DataFrame, value: str) -> dict[tuple, np.ndarray]:
     return {key: part.to_numpy(float) for key, part in rows.groupby(kCell)[value]}
 
 
+def _interval(logs: np.ndarray, n: int) -> tuple[float, float]:
+    """Low and high of a ratio by its resampled logs, where each is from at least n repetitions."""
+    if n < kMinRepetitions:
+        return math.nan, math.nan
+    out = tail(n)
+    low, high = np.exp(np.percentile(logs, [out, 100 - out]))
+    return float(low), float(high)
+
+
 def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bool) -> tuple[list[dict], dict]:
     """The cells of one metric, and of each its resampled log ratios."""
     first, second = first[first[value] > 0], second[second[value] > 0]
@@ -135,10 +144,10 @@ def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bo
         counts = {key: min(len(before[key]), len(after[key])) for key in common}
     lines = []
     for key in common:
-        low, high = np.exp(np.percentile(draws[key], [kTail, 100 - kTail]))
+        low, high = _interval(draws[key], counts[key])
         lines.append(dict(zip(kCell, key)) | {
             "metric": value, "first": float(np.median(before[key])), "second": float(np.median(after[key])),
-            "ratio": math.exp(middle[key]), "low": float(low), "high": float(high), "n": counts[key]})
+            "ratio": math.exp(middle[key]), "low": low, "high": high, "n": counts[key]})
     return lines, draws
 
 
@@ -153,9 +162,9 @@ def _overall(lines: list[dict], draws: dict, value: str) -> list[dict]:
     made, table = [], pd.DataFrame(lines)
     for (cache, threads), part in table.groupby(["cache", "threads"]):
         known = np.stack([draws[cache, panel, threads] for panel in part["panel"]])
-        low, high = np.exp(np.percentile(known.mean(axis=0), [kTail, 100 - kTail]))
+        low, high = _interval(known.mean(axis=0), int(part["n"].min()))
         made.append({"metric": value, "cache": cache, "threads": int(threads), "workloads": len(part),
-                     "ratio": float(np.exp(np.log(part["ratio"]).mean())), "low": float(low), "high": float(high)})
+                     "ratio": float(np.exp(np.log(part["ratio"]).mean())), "low": low, "high": high})
     return made
 
 

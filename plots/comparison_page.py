@@ -39,7 +39,7 @@ def _sentence(cells: pd.DataFrame, value: str) -> str:
     chance = (1 - kConfidence) * judged
     name = text(metric_words(value).capitalize())
     return (f"<p><b>{name}</b>: of {style.plural(judged, 'cell')}, {better} better and {worse} worse with the whole "
-            f"interval; chance alone would make about {style.number(chance, 2)}.</p>")
+            f"interval; chance alone would make about {style.number(chance, 2)} at most.</p>")
 
 
 def _cells(one: Comparison, value: str) -> str:

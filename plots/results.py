@@ -3,9 +3,9 @@
 Input is Google Benchmark's JSON format, one entry per repetition. Files of one machine and one build are
 pooled into one Setup; different machines or builds give separate Setups and are never mixed in one figure.
 
-Intervals are 95 % percentile bootstrap intervals of the median over repetitions. Below kMinRepetitions none
-is given. Below six repetitions such an interval is hardly more than the range of the samples and covers less
-than 95 %.
+Intervals are 95 % percentile bootstrap intervals of the median over repetitions, expanded for few of them as those of
+src/harness/statistics.h are. Below kMinRepetitions none is given. Below kFewRepetitions not even the range of the
+samples, which such an interval then is, covers 95 %.
 """
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr, stdtrit
 
 kMinRepetitions = 3
+kFewRepetitions = 6  # the range of fewer samples covers the median in less than 95 % of cases
 kResamples = 2000
 kConfidence = 0.95
 kNoisy = 0.10  # IQR over median above which a group of repetitions is reported as noisy
@@ -390,6 +392,15 @@ def _resampled_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
+def tail(n: int) -> float:
+    """Per cent of the resampled medians of n > 1 samples to leave out at each end, 2.5 in the limit.
+
+    Leaving out 2.5 makes intervals of few samples too narrow, by sqrt((n - 1) / n) and by the normal's quantile in place
+    of Student's t (Hesterberg 2014, What Teachers Should Know about the Bootstrap, arXiv:1411.5279).
+    """
+    return 100 * float(ndtr(-math.sqrt(n / (n - 1)) * stdtrit(n - 1, (1 + kConfidence) / 2)))
+
+
 def median_intervals(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Median, low and high of each row of `samples`; low and high are NaN below kMinRepetitions columns."""
     groups, n = samples.shape
@@ -398,11 +409,11 @@ def median_intervals(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     low, high = np.full(groups, np.nan), np.full(groups, np.nan)
     if n >= kMinRepetitions:
         first, second = _resampled_middles(n)
-        tail = 50 * (1 - kConfidence)
+        out = tail(n)
         for start in range(0, groups, 500):
             part = ordered[start:start + 500]
             low[start:start + 500], high[start:start + 500] = np.percentile(
-                (part[:, first] + part[:, second]) / 2, [tail, 100 - tail], axis=1)
+                (part[:, first] + part[:, second]) / 2, [out, 100 - out], axis=1)
     return median, low, high
 
 

@@ -7,6 +7,7 @@ import math
 import unittest
 
 import numpy as np
+import pandas as pd
 
 from plots_models import kFewWorkloads, few_caches, model_results
 from plots_support import InFolder, run, write_results
@@ -61,6 +62,20 @@ class Comparison(InFolder):
         one = comparison.comparisons(setups)[0]
         self.assertTrue((one.cells["ratio"] == 1).all())
         self.assertTrue((one.cells["verdict"] == "undecided").all())
+
+    def test_runs_of_one_program_differ_by_chance_no_more_often_than_intervals_say(self):
+        random = np.random.default_rng(7)
+
+        def made() -> pd.DataFrame:
+            return pd.DataFrame([{"cache": cache, "panel": f"panel {panel}", "threads": threads,
+                                  "repetition_index": repetition, "take": 0, "rate": math.exp(random.normal(0, 0.05))}
+                                 for cache in ("a", "b") for panel in range(4) for threads in range(1, 101)
+                                 for repetition in range(7)])
+        for paired in (True, False):
+            lines, draws = comparison._of_metric(made(), made(), "rate", paired)
+            for some in (lines, comparison._overall(lines, draws, "rate")):
+                decided = np.mean([not line["low"] <= 1 <= line["high"] for line in some])
+                self.assertLess(decided, 0.06, (paired, len(some)))
 
     def test_two_repetitions_decide_nothing(self):
         paths = []

@@ -14,6 +14,7 @@ import sys
 import unittest
 
 import numpy as np
+from scipy import stats
 
 from plots_models import kFewWorkloads, kPlots, few_caches, model_caches, model_results
 from plots_support import InFolder, read_csv, run, run_afresh, write_results
@@ -36,9 +37,21 @@ class Statistics(unittest.TestCase):
             all_resamples = list(itertools.product(range(n), repeat=n))
             every = np.median(samples[all_resamples], axis=1)
             _, low, high = results.median_intervals(samples[None, :])
-            for end, tail in ((low[0], 0.025), (high[0], 0.975)):
-                self.assertLessEqual(np.mean(every < end - 1e-12), tail + error)
-                self.assertGreaterEqual(np.mean(every <= end + 1e-12), tail - error)
+            # As src/harness/statistics.h has it.
+            out = stats.norm.cdf(-math.sqrt(n / (n - 1)) * stats.t.ppf(0.975, n - 1))
+            for end, share in ((low[0], out), (high[0], 1 - out)):
+                self.assertLessEqual(np.mean(every < end - 1e-12), share + error)
+                self.assertGreaterEqual(np.mean(every <= end + 1e-12), share - error)
+
+    def test_intervals_hold_the_median_as_often_as_they_say_from_six_repetitions_on(self):
+        random = np.random.default_rng(5)
+        for n in (5, 6, 7, 9, 10, 11, 15, 25):
+            _, low, high = results.median_intervals(random.exponential(size=(4000, n)) - math.log(2))
+            covered = np.mean((low <= 0) & (0 <= high))
+            self.assertGreater(covered, 0.92, n)
+            self.assertLess(covered, 0.99, n)
+            if n < results.kFewRepetitions:
+                self.assertLess(covered, 0.95, n)
 
     def test_fewer_than_three_repetitions_have_no_interval(self):
         for n in (1, 2):
