@@ -62,7 +62,8 @@ class Setup:
     paths: list[Path]
     rows: pd.DataFrame  # measured ones
     remarks: list[str] = field(default_factory=list)
-    simulated: pd.DataFrame = field(default_factory=pd.DataFrame)  # rows of icbench simulate: never drawn as measured
+    # Rows of icbench simulate, never drawn as measured: of one virtual machine with one set of costs.
+    simulated: pd.DataFrame = field(default_factory=pd.DataFrame)
     simulated_paths: list[Path] = field(default_factory=list)      # what they are from
 
     def _topology(self, *names: str) -> int | None:
@@ -193,6 +194,12 @@ def calibrated_on(context: dict) -> str:
     return "this machine" if host in (None, "", context.get("host_name", host)) else str(host)
 
 
+def imagined_machine(context: dict) -> str:
+    """What a file of icbench simulate simulated: the virtual machine, and all but the name of its calibration."""
+    costs = {key: value for key, value in calibration_of(context).items() if key not in ("file", "validation")}
+    return json.dumps([context.get("virtual_machine"), costs], sort_keys=True)
+
+
 def _read(path: Path) -> tuple[dict, list]:
     data = read_json(path, "icbench sweep --out FILE", "a results file of icbench")
     if not isinstance(data, dict) or not isinstance(data.get("benchmarks"), list):
@@ -220,6 +227,7 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         remarks.append(f"{sum(simulated)} simulated rows of {path.name} are left out of all figures of measurements: "
                        "they were not measured, and are drawn by themselves")
     rows["calibrated_on"] = calibrated_on(context)
+    rows["imagined_machine"], rows["from_file"] = imagined_machine(context), path.name
     failed = rows.get("error_occurred", pd.Series(False, rows.index)).fillna(False).astype(bool)
     if failed.any():
         remarks.append(f"{failed.sum()} trials of {path.name} failed and are left out")
@@ -291,6 +299,23 @@ def useful_rate(rows: pd.DataFrame) -> pd.Series:
     return rows["items_per_second"].where(~missed, rows["queries"] / rows["seconds"])
 
 
+def _of_one_machine(simulated: pd.DataFrame, remarks: list[str]) -> pd.DataFrame:
+    """Of simulated rows those of one virtual machine with one set of costs: that with most cores, else the first.
+
+    Others are no repetitions of them. Rows of --validate are not taken either: each is from the costs of its moments.
+    """
+    if "measured_items_per_second" in simulated:
+        simulated = simulated[simulated["measured_items_per_second"].isna()]
+    if simulated["imagined_machine"].nunique() < 2:
+        return simulated
+    most = simulated.groupby("imagined_machine", sort=False)["threads"].max()
+    taken = simulated["imagined_machine"] == most.idxmax()
+    mine, others = (", ".join(simulated.loc[which, "from_file"].unique()) for which in (taken, ~taken))
+    remarks.append(f"what {others} simulated is of another virtual machine, or by other costs, than what {mine} did: "
+                   f"answers for more cores are those of {mine}")
+    return simulated[taken]
+
+
 def load(paths) -> list[Setup]:
     """Reads results files and sorts them into setups (one machine, one build each).
 
@@ -319,7 +344,7 @@ def load(paths) -> list[Setup]:
             continue
         rows = pd.concat(parts, ignore_index=True)
         again = rows.duplicated(["name", "cache", "threads", "placement", "repetition_index", "real_time",
-                                 "cpu_time"])
+                                 "cpu_time", "imagined_machine"])
         if again.any():
             setup.remarks.append(f"{again.sum()} rows occur twice in the files and count once")
             rows = rows[~again].reset_index(drop=True)
@@ -331,6 +356,7 @@ def load(paths) -> list[Setup]:
                                        (rows[~rows["simulated"]], rows[rows["simulated"]]))
         if setup.rows.empty:
             continue
+        setup.simulated = _of_one_machine(setup.simulated, setup.remarks).reset_index(drop=True)
         setup.simulated_paths = [p for p, f in zip(setup.paths, frames[key]) if not f.empty and f["simulated"].any()]
         contexts = [c for c, f in zip(setup.contexts, frames[key]) if f.empty or not f["simulated"].all()]
         setup.context = contexts[0]

@@ -300,6 +300,40 @@ class Choice(InFolder):
             self.assertEqual(found.certainty, "simulated")
             self.assertEqual(math.isfinite(found.lines[0].loss[0]), known, cost)
 
+    def test_other_virtual_machines_and_costs_are_no_repetitions(self):
+        measured = self.results(workloads=("miss_driven:cost=1",), threads=(1, 8))
+        paths = []
+        for number, context in enumerate(({}, {"virtual_machine": {"cores_per_complex": 4}},
+                                          {"calibration": {"host_name": "model", "date": "2025-01-03T10"}})):
+            data = model_simulated((1, 256), 8, workloads=("miss_driven:cost=1",))
+            data["context"] |= context
+            for row in data["benchmarks"]:
+                row["items_per_second"] /= 1 + 9 * number
+                row["queries"] /= 1 + 9 * number
+            paths.append(write_results(self.folder / f"machine{number}.json", data))
+        alone = [results.load([measured, path])[0] for path in paths]
+        for first, second in ((0, 1), (1, 0), (0, 2), (2, 1)):
+            setup, = results.load([measured, paths[first], paths[second]])
+            self.assertEqual(list(setup.simulated["real_time"]), list(alone[first].simulated["real_time"]))
+            self.assertEqual(list(setup.simulated["items_per_second"]), list(alone[first].simulated["items_per_second"]))
+            self.assertIn(f"answers for more cores are those of machine{first}.json", setup.remarks[-1])
+            self.assertIn(f"what machine{second}.json simulated is of another", setup.remarks[-1])
+            self.assertEqual(setup.simulated_paths, [paths[first], paths[second]])
+        # The one that tells of more cores answers, wherever it stands.
+        few = json.loads(paths[0].read_text())
+        few["benchmarks"] = [row for row in few["benchmarks"] if row["threads"] == 1]
+        setup, = results.load([measured, write_results(self.folder / "few.json", few), paths[1]])
+        self.assertEqual(list(setup.simulated["items_per_second"]), list(alone[1].simulated["items_per_second"]))
+
+    def test_rows_of_a_validation_answer_nothing(self):
+        measured = self.results(workloads=("miss_driven:cost=1",), threads=(1, 8))
+        paths = [write_results(self.folder / f"{name}.json", model_simulated((1, top), 8, several, workloads=(
+            "miss_driven:cost=1",))) for name, top, several in (("simulated", 256, ()), ("validation", 8, (1, 8)))]
+        setup, = results.load([measured, *paths])
+        self.assertEqual(len(setup.simulated), len(json.loads(paths[0].read_text())["benchmarks"]))
+        self.assertEqual(set(setup.simulated["threads"]), {1, 256})
+        self.assertEqual(setup.simulated_paths, paths)
+
     def test_tails_are_those_of_more_threads_than_processing_units(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:2], threads=(1, 8, 32), errors=False)
         for row in data["benchmarks"]:
