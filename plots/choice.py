@@ -24,7 +24,7 @@ import pandas as pd
 
 from figure import Omitted
 from over_threads import cache_rows, thread_marks
-from results import Setup, interval_of, is_lock, kPairKeys, median_intervals, summarise
+from results import Setup, interval_of, is_lock, kPairKeys, median_intervals, redundant_share, summarise
 from scalability import kTail, laws
 
 kRays = [round(2 ** (k / 2)) for k in range(2, 25)]  # 2 to 4,096, two to the octave
@@ -159,8 +159,7 @@ def _largest_family(rows: pd.DataFrame, *parameters: str) -> pd.DataFrame:
 
 def _tables(rows: pd.DataFrame, x: str, time: str) -> tuple[dict, dict]:
     times, redundant = {}, {}
-    needed = rows["records"] - rows["redundant_records"]
-    rows = rows.assign(share=(rows["redundant_records"] / needed).where(needed > 0))
+    rows = rows.assign(share=redundant_share(rows))
     for value, part in rows.groupby(x):
         times[float(value)] = part.pivot_table(index=kPairKeys, columns="cache", values=time, aggfunc="first")
         redundant[float(value)] = part.groupby("cache")["share"].median()

@@ -10,7 +10,7 @@ from matplotlib.markers import MarkerStyle
 import interactive
 import style
 from over_threads import cache_rows, groups_of, oversubscribed_from, select_workloads
-from results import Setup, summarise, workload_label, workload_order
+from results import redundant_share, Setup, summarise, workload_label, workload_order
 from tables import text
 
 # Field, words, unit, factor, logarithmic, more is better.
@@ -66,8 +66,7 @@ def swatch(cache: str) -> str:
 
 def _rows(setup: Setup) -> pd.DataFrame:
     rows = cache_rows(setup)
-    needed = rows["records"] - rows["redundant_records"]
-    return rows.assign(redundant_share=(rows["redundant_records"] / needed).where(needed > 0))
+    return rows.assign(redundant_share=redundant_share(rows))
 
 
 def _families(rows: pd.DataFrame, panels: list[str]) -> dict[str, list]:

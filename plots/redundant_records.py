@@ -4,7 +4,7 @@ import sys
 
 from figure import Built, Figure, Omitted, main
 from over_threads import cache_rows, metric_figure
-from results import Setup
+from results import redundant_share, Setup
 
 
 def build(setup: Setup) -> Built:
@@ -15,8 +15,7 @@ def build(setup: Setup) -> Built:
     rows = rows[rows.groupby("panel")["redundant_records"].transform("max") > 0].copy()
     if rows.empty:
         raise Omitted("no redundant record was made anywhere")
-    needed = rows["records"] - rows["redundant_records"]
-    rows["redundant_share"] = (rows["redundant_records"] / needed).where(needed > 0)
+    rows["redundant_share"] = redundant_share(rows)
     built = metric_figure(setup, "redundant_share", "redundant records, %", rows=rows, scale=100,
                           missing="no row has both records and redundant_records")
     counts = rows.groupby(["cache", "panel", "threads"])["redundant_records"].median()

@@ -299,6 +299,12 @@ def useful_rate(rows: pd.DataFrame) -> pd.Series:
     return rows["items_per_second"].where(~missed, rows["queries"] / rows["seconds"])
 
 
+def redundant_share(rows: pd.DataFrame) -> pd.Series:
+    """Records made beyond what a single thread needs for the same work, over that need; NaN where nothing is needed."""
+    needed = rows["records"] - rows["redundant_records"]
+    return (rows["redundant_records"] / needed).where(needed > 0)
+
+
 def _of_one_machine(simulated: pd.DataFrame, remarks: list[str]) -> pd.DataFrame:
     """Of simulated rows those of one virtual machine with one set of costs: that with most cores, else the first.
 

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import thread_axis
-from results import (InputError, calibrated_on, calibration_of, is_simulated, read_json, useful_rate, workload_label,
-                     workload_order)
+from results import (InputError, calibrated_on, calibration_of, is_simulated, read_json, redundant_share, useful_rate,
+                     workload_label, workload_order)
 
 kFiles = "results of icbench simulate"
 kNumbers = ("threads", "real_time", "items_per_second", "queries", "records", "redundant_records", "lock_wait_share",
@@ -84,7 +84,7 @@ def load(paths) -> list[Simulated]:
         rows["throughput"] = useful_rate(rows) * 1e-6
         one = rows[rows["threads"] == 1].set_index(["workload", "cache"])["throughput"]
         rows["speedup"] = [t / one.get((w, c), np.nan) for w, c, t in rows[["workload", "cache", "throughput"]].values]
-        rows["redundant_share"] = 100 * rows["redundant_records"] / rows["records"]
+        rows["redundant_share"] = 100 * redundant_share(rows)
         rows["waiting_share"] = 100 * rows["lock_wait_share"]
         context = data.get("context") if isinstance(data.get("context"), dict) else {}
         found.append(Simulated(path.stem, f"simulated-{number}", path, context, rows))

@@ -19,6 +19,7 @@ import preemption_results
 import repeatability
 import repeatability_results
 import results
+import redundant_records
 import simulated
 import style
 import timeline
@@ -216,6 +217,18 @@ class Simulated(InFolder):
         self.good("simulated.py", path, "--out", self.folder)
         for line in read_csv(self.folder / "simulated.csv"):
             self.assertEqual((line["simulated"], line["validated_to_threads"]), ("True", "0"))
+
+    def test_redundant_records_are_over_those_needed_as_measured_ones_are(self):
+        data, path = self.simulated()
+        for row in data["benchmarks"]:
+            row |= {"records": 1500, "redundant_records": 500}
+        one, = simulated.load([write_results(path, data)])
+        self.assertEqual(set(one.rows["redundant_share"]), {50.0})
+        data["context"] |= {"simulated": False}
+        for row in data["benchmarks"]:
+            row |= {"simulated": False, "name": "sweep" + row["name"].removeprefix("simulate")}
+        setup, = results.load([write_results(path, data)])
+        self.assertEqual(set(redundant_records.build(setup).table["median"]), {0.5})
 
     def test_readmes_picture_says_how_far_it_was_validated(self):
         drawn = (kRoot / "plots/images/simulated.svg").read_text(encoding="utf-8")
