@@ -196,6 +196,27 @@ TEST(Timeline, StaysBelowItsBoundAndKeepsOperationsWithTheirWaits) {
   }
 }
 
+TEST(Timeline, KeepsTheLongestHoweverManyAreOfTheLeastLengthKept) {
+  constexpr TickRate kOne{.ns_per_tick = 1.0};
+  Timeline timeline(100, kOne);
+  std::vector<ThreadAccount> accounts;
+  ThreadAccount& a = accounts.emplace_back(kOne, 1000);
+  std::uint64_t at = a.begin_ticks();
+  const auto add = [&](int times, std::uint64_t length) {
+    for (int i = 0; i < times; ++i, at += length) a.log().add({at, length, 0, 0, Doing::query});
+  };
+  add(200, 40);
+  add(10, 5000);
+  TeamTimes times;
+  times.threads.push_back({0, 0, static_cast<std::int64_t>(at - a.begin_ticks()), 0});
+  timeline.add_region(times, accounts, 0.0);
+  std::map<double, int> kept;
+  for (const TimelineEvent& e : timeline.events()) ++kept[e.length_ns];
+  EXPECT_EQ(kept, (std::map<double, int>{{40.0, 40}, {5000.0, 10}}));
+  const auto about = timeline.to_json("a trial", {}).at("otherData");
+  EXPECT_EQ(about.at("spans_left_out"), 161);  // the end of the frame, which took no time, among them
+}
+
 TEST(Timeline, IsWhatTraceEventReadersExpect) {
   Timeline timeline(400, kHalf);
   std::vector<ThreadAccount> accounts = made_accounts(timeline, 20);

@@ -82,13 +82,15 @@ void Timeline::keep_the_longest() {
   std::nth_element(lengths.begin(), lengths.begin() + static_cast<std::ptrdiff_t>(keep - 1), lengths.end(),
                    std::greater<>());
   const double least = lengths[keep - 1];
+  // Of those that are just as long as that there may be more than have room.
+  std::size_t room = keep - static_cast<std::size_t>(std::count_if(lengths.begin(), lengths.end(),
+                                                                   [least](double l) { return l > least; }));
   std::vector<TimelineEvent> kept;
-  std::size_t whole = 0;
   bool is_kept = false;
   for (const TimelineEvent& e : events_) {
     if (!e.is_within) {
-      is_kept = e.length_ns >= least && whole < keep;
-      whole += is_kept;
+      is_kept = e.length_ns > least || (e.length_ns == least && room > 0);
+      if (is_kept && e.length_ns == least) --room;
     }
     if (is_kept)
       kept.push_back(e);
