@@ -126,6 +126,26 @@ TEST(Bootstrap, AgreesWithTheExactDistributionOfTheResampledMedian) {
   }
 }
 
+// For odd n its ends are order statistics x_(k) and x_(n+1-k), which miss the median, whatever the distribution, with
+// 2 P(Binomial(n, 1/2) < k).
+TEST(Bootstrap, OfOddSizesCoversInSteps) {
+  for (int n = 7; n < 50; n += 2) {
+    Sample s(static_cast<std::size_t>(n));
+    std::iota(s.begin(), s.end(), 1.0);
+    Sample lows;  // now and then the draws put one a step farther out
+    for (std::uint64_t seed = 1; seed <= 9; ++seed) lows.push_back(bootstrap_median(s, seed).low);
+    const int k = static_cast<int>(median(lows));
+    double below = 0.0;
+    for (int j = 0; j < k; ++j)
+      below += std::exp(std::lgamma(n + 1.0) - std::lgamma(j + 1.0) - std::lgamma(n - j + 1.0) -
+                        n * std::log(2.0));
+    const double covered = 1.0 - 2.0 * below;
+    EXPECT_GE(covered, 0.93) << n;
+    EXPECT_LE(covered, 0.99) << n;
+    if (n == 7 || n == 11) EXPECT_NEAR(covered, n == 7 ? 0.984 : 0.935, 0.0005);
+  }
+}
+
 TEST(Bootstrap, CoversTheTrueMedianAsOftenAsItSays) {
   constexpr int kTrials = 600;
   for (const std::size_t n : {10u, 25u}) {

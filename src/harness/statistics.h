@@ -37,8 +37,8 @@ struct Interval {
 /// 95 % percentile bootstrap interval of the median from kResamples resamples, "expanded" for small samples:
 /// the plain one is too narrow there by sqrt((n-1)/n) and by the normal's quantile in place of Student's t
 /// (Hesterberg 2014, What Teachers Should Know about the Bootstrap, arXiv:1411.5279). It covers the median of
-/// independent samples of a continuous distribution in 94 to 99 % of cases (at 6 to 50 samples; simulated,
-/// the tests repeat two sizes). O(n * kResamples).
+/// independent samples of a continuous distribution in 93 to 99 % of cases (at 6 to 50 samples): of odd numbers
+/// its ends are order statistics, so that this goes in steps, from 98.4 % at 7 to 93.5 % at 11. O(n * kResamples).
 inline constexpr unsigned kResamples = 4000;
 Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed);
 
