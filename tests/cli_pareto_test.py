@@ -244,6 +244,11 @@ class Repeatability(Case):
         self.assertEqual({row["vpls"] for row in rows}, {8})
         self.assertTrue(all("rays_per_record" not in row for row in rows))
 
+    def test_given_options_without_effect_are_named(self):
+        self.succeed_but_for(["--rays has no effect on instant_caching"],
+                             *small_repeatability(integrator="instant_caching", vpls=8, threads=1), "--rays", 4)
+        self.succeed_but_for(["--vpls has no effect on irradiance_cache"], *small_repeatability(threads=1), "--vpls", 4)
+
     def test_standard_output_is_one_valid_document(self):
         results = json.loads(self.succeed(*small_repeatability(size="8x8", json="/dev/stdout")))
         self.assertEqual(len(results["benchmarks"]), 4)

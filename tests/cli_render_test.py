@@ -205,6 +205,17 @@ class Compare(Case):
         self.succeed("compare", "1.exr", "2.exr", "--json", "c.json")
         self.assertGreater(self.load("c.json")["rmse"], 0)
 
+    def test_options_of_observers_that_do_not_look_are_named(self):
+        self.succeed(*small_render(out="a.exr"))
+        observed = {"hdrvdp": {"--luminance-scale": "100", "--distance": "1", "--display-pixels": "800x600",
+                               "--display-size": "0.4x0.3"}, "flip": {"--pixels-per-degree": "50"}}
+        for metrics in ("rmse", "rmse,flip", "hdrvdp", "flip,hdrvdp"):
+            given = [part for options in observed.values() for option in options.items() for part in option]
+            self.succeed_but_for([f"{option} has no effect without --metrics {metric}"
+                                  for metric, options in observed.items() if metric not in metrics
+                                  for option in options], "compare", "a.exr", "a.exr", "--metrics", metrics, *given)
+        self.refuse("compare", "a.exr", "none.exr", "--metrics", "rmse", "--distance", "1", says=["none.exr"])
+
     def test_folders_are_compared_frame_by_frame(self):
         for folder, seeds in ("a", (1, 1)), ("b", (1, 2)):
             os.mkdir(self.folder / folder)

@@ -58,8 +58,9 @@ def small_pareto(**changes):
 
 def small_repeatability(**changes):
     """Arguments of a few small pictures by one cache."""
-    return arguments_of("repeatability", {"scene": SCENE, "caches": "wait_free", "threads": "1,3", "size": "24x24",
-                                          "rays": 4, "repetitions": 2, "reference-spp": 4}, changes)
+    return arguments_of("repeatability", {}, with_effect({"scene": SCENE, "caches": "wait_free", "threads": "1,3",
+                                                           "size": "24x24", "rays": 4, "repetitions": 2,
+                                                           "reference-spp": 4, **changes}))
 
 
 def small_capture(**changes):
@@ -86,6 +87,13 @@ class Case(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertNotIn("no effect", done.stderr)
         return done.stdout
+
+    def succeed_but_for(self, idle, *arguments):
+        """Runs the program, which must succeed, and say in one line each that nothing but these has no effect."""
+        done = self.run_icbench(*arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual([line for line in done.stderr.splitlines() if "effect" in line],
+                         [f"icbench: {one}" for one in idle])
 
     def assert_refused(self, done, *parts):
         """Status 2 and one line on standard error that contains `parts`."""

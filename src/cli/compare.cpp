@@ -15,6 +15,7 @@
 #include <stdexcept>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "cli/options.h"
@@ -35,7 +36,24 @@ struct CompareOptions {
   std::vector<std::string> metrics = {"rmse", "relmse", "mean_ratio", "flip"};
   std::string json, map;
   Viewing viewing;
+  const CLI::App* given_to = nullptr;
 };
+
+/// Options of one metric's observer.
+constexpr std::pair<const char*, std::string_view> kViewingOptions[] = {{"--luminance-scale", "hdrvdp"},
+                                                                        {"--distance", "hdrvdp"},
+                                                                        {"--display-pixels", "hdrvdp"},
+                                                                        {"--display-size", "hdrvdp"},
+                                                                        {"--pixels-per-degree", "flip"}};
+
+void tell_viewing_without_effect(const CompareOptions& o, const std::vector<const Metric*>& metrics) {
+  for (const auto& [option, metric] : kViewingOptions) {
+    const bool is_used =
+        std::any_of(metrics.begin(), metrics.end(), [&](const Metric* each) { return each->name == metric; });
+    if (!is_used && o.given_to->count(option) > 0)
+      tell_without_effect("icbench", option, fmt::format("without --metrics {}", metric));
+  }
+}
 
 std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
   std::vector<const Metric*> found;
@@ -246,6 +264,7 @@ void compare(const CompareOptions& options) {
                                          options.reference, options.image));
   }
   const Json json = is_folder ? compare_folders(options, metrics) : compare_images(options, metrics);
+  tell_viewing_without_effect(options, metrics);
   if (!options.json.empty()) write_file(options.json, json.dump(2) + "\n");
 }
 
@@ -335,6 +354,7 @@ void add_compare(CLI::App& app) {
                    "folders METRIC/FRAME.exr")
       ->type_name("FOLDER");
   add_viewing(command, options->viewing);
+  options->given_to = command;
   command->callback([options] { compare(*options); });
 }
 

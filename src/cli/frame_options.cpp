@@ -41,8 +41,11 @@ constexpr ParticularOption kParticularOptions[] = {
 void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry& integrator) {
   if (o.given_to == nullptr) return;
   std::vector<const char*> idle;
-  for (const ParticularOption& option : kParticularOptions)
-    if (!option.is_used_by(integrator) && o.given_to->count(option.name) > 0) idle.push_back(option.name);
+  for (const ParticularOption& option : kParticularOptions) {
+    const CLI::Option* const known =
+        o.given_to->get_option_no_throw(option.name);  // not all subcommands have all
+    if (!option.is_used_by(integrator) && known != nullptr && known->count() > 0) idle.push_back(option.name);
+  }
   if (!idle.empty())
     fmt::print(stderr, "icbench: {} {} no effect on {}\n", fmt::join(idle, ", "),
                idle.size() == 1 ? "has" : "have", integrator.name);

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
+#include <cstdio>
 #include <filesystem>
 #include <set>
 #include <stdexcept>
@@ -111,6 +112,12 @@ inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& 
   return app->add_option_function<std::string>(name, set, help)
       ->type_name("X")
       ->default_str(fmt::to_string(value));
+}
+
+/// Names an option on standard error that was given and has no effect `where`; bad usage is to be told before, in one
+/// line.
+inline void tell_without_effect(std::string_view program, std::string_view option, std::string_view where) {
+  fmt::print(stderr, "{}: {} has no effect {}\n", program, option, where);
 }
 
 /// Throws if a file of that name can certainly not be written: to be told before the work, not after it.

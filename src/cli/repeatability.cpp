@@ -178,6 +178,7 @@ void add_repeatability(CLI::App& app) {
   FrameOptions& f = o->frame;
   CLI::App* command =
       app.add_subcommand("repeatability", "Measure how far apart threads move pictures of one seed");
+  f.given_to = command;
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return command->add_option(name, value, help)->capture_default_str();
   };

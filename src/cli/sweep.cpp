@@ -32,6 +32,7 @@ struct SweepOptions {
   std::string timeline;  // no file: none
   std::uint32_t timeline_events = 100'000;
   bool breakdown = false, resume = false, dry_run = false, list = false;
+  const CLI::App* given_to = nullptr;
 };
 
 /// All but the oracle, which is a hundred times slower than anything of use.
@@ -191,6 +192,8 @@ void sweep_command(const SweepOptions& o) {
   }
   // Before anything is measured, so that a bad path or another configuration is told at once.
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
+  if (o.timeline.empty() && o.given_to->count("--timeline-events") > 0)
+    tell_without_effect("icbench", "--timeline-events", "without --timeline");
 
   std::size_t trials = 0;
   for (std::size_t w = 0; w < request.workloads.size(); ++w)
@@ -282,6 +285,7 @@ void add_sweep(CLI::App& app) {
   sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
   sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
   sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing");
+  o->given_to = sweep;
   sweep->callback([o] { sweep_command(*o); });
 }
 
