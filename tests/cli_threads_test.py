@@ -159,6 +159,8 @@ class Time(Case):
         self.refuse(*small_sweep(**one | {"timeline": "nowhere/timeline.json"}), says=["nowhere"])
         self.succeed(*small_sweep(out="out.json"))
         self.refuse(*small_sweep(**one), "--resume", says=["first repetition", "--resume"])
+        self.succeed_but_for(["--timeline-events has no effect without --timeline"], *small_sweep(out="out.json"),
+                             "--timeline-events", 1000)
 
 
 class Preempt(Case):
@@ -230,7 +232,7 @@ class Simulate(Case):
         self.simulate(**given)
         costs = self.load("deep/costs.json")
         key, = costs["costs"]
-        costs["validation"] = {"threads": 2, "points": 30, "records_points": 18, "waiting_points": 20,
+        costs["validation"] = {"threads": 2, "cores_per_complex": 8, "cores_per_socket": 64, "points": 30, "records_points": 18, "waiting_points": 20,
                                "throughput_error": 0.05, "records_error": 0.05, "waiting_error": 0.05,
                                "file_error": 0.1, "date": costs["date"], "commit": costs["commit"],
                                "errors": {f"{key} at 1 us a record": 0.25}}
@@ -245,6 +247,14 @@ class Simulate(Case):
         self.assertEqual(validated(transfer="1,2,3"), (0, None))
         self.assertEqual(validated(**{"hand-over": "1,2"}), (0, None))
         self.assertEqual(validated({"validation": costs["validation"] | {"commit": "another"}}), (0, None))
+        # What was validated is a virtual machine, too.
+        self.assertEqual(validated(complex=4), (0, None))
+        self.assertEqual(validated(socket=32), (0, None))
+        of_another = {"validation": costs["validation"] | {"cores_per_complex": 4}}
+        self.assertEqual(validated(of_another), (0, None))
+        self.assertEqual(validated(of_another, complex=4), (2, 0.25))
+        told_nothing = {k: v for k, v in costs["validation"].items() if not k.startswith("cores_")}
+        self.assertEqual(validated({"validation": told_nothing}), (0, None))
         for error in ("throughput_error", "records_error", "waiting_error", "file_error"):
             self.assertEqual(validated({"validation": costs["validation"] | {error: 0.11}}), (0, None), error)
         self.assertEqual(validated({"cpu_model": "another"}), (2, 0.25))  # costs from elsewhere, validated there
@@ -262,17 +272,32 @@ class Simulate(Case):
         done = self.run_icbench(*arguments_of("simulate", given | dict(repetitions=2), {}), "--validate")
         self.assertIn(done.returncode, (0, 1), done.stderr)  # how far off it is, is not ours to say
         self.assertEqual(self.load("simulated.json"), simulated)
+        self.assertNotIn("no effect", done.stderr)
         after, rows = self.load("costs.json"), self.load("validation.json")["benchmarks"]
         key, = after["costs"]
         self.assertNotEqual(after["costs"][key]["trial_ns"], before["costs"][key]["trial_ns"])
         validation = after["validation"]
         self.assertEqual((validation["commit"], list(validation["errors"])),
                          (after["commit"], [f"{key} at 1 us a record"]))
+        self.assertEqual((validation["cores_per_complex"], validation["cores_per_socket"]), (8, 64))
         for row in rows:
             with self.subTest(row["name"]):
                 self.assertEqual("error_items_per_second_by_file" in row, row["threads"] > 1)
+                operations = row["queries"] + row["inserts"]  # of the round that the row is
+                self.assertAlmostEqual(row["items_per_second"] * row["real_time"] * 1e-3 / operations, 1)
         self.assertEqual(validation["errors"][f"{key} at 1 us a record"], rows[-1]["error_items_per_second"])
         self.assertEqual(validation["points"], validation["records_points"])
+
+    def test_options_of_validations_alone_and_of_others_are_named(self):
+        given = dict(caches="packed_global_mutex", workloads="miss_driven:cost=1:operations=2000",
+                     calibration="costs.json", cores=1)
+        self.succeed_but_for(["--repetitions has no effect without --validate"],
+                             *arguments_of("simulate", given | dict(repetitions=2), {}))
+        if len(os.sched_getaffinity(0)) > 1:
+            done = self.run_icbench(*arguments_of("simulate", given | dict(repetitions=1), {}), "--validate")
+            self.assertIn(done.returncode, (0, 1), done.stderr)
+            self.assertIn("icbench: --cores has no effect with --validate, which takes those of this machine\n",
+                          done.stderr)
 
     def test_handing_over_a_lock_takes_as_long_as_one_says(self):
         rows = []

@@ -378,18 +378,37 @@ TEST(Simulator, EveryLockLetsEverybodyInWhoeverWrites) {
 
 TEST(SimulatorValidation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
   ComparedPoint compared{};
+  compared.entries.resize(3);
   compared.simulated.throughput = compared.measured.throughput = {2e6, 3e6, 4e6};
   compared.simulated.redundant = compared.measured.redundant = {1, 1, 1};
   compared.simulated.records = compared.measured.records = {10, 10, 10};
   compared.simulated.waiting = compared.measured.waiting = {0.0, 0.0, 0.0};
   for (const unsigned before : {0u, 2u, 64u}) {
-    compared.entry.counters["validated_to_threads"] = before;
+    for (Entry& e : compared.entries) e.counters["validated_to_threads"] = before;
     Validation outcome{.threads = 8, .points = 60, .throughput_error = 0.05, .waiting_error = 0.09};
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 8u) << before;
     outcome.file_error = 0.5;
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 0u) << before;
   }
-  EXPECT_EQ(row_of(compared, {}).items_per_second, 3e6);
+}
+
+TEST(SimulatorValidation, ARowIsOneRoundWithAllOfItsFigures) {
+  for (const std::vector<double>& throughput : {std::vector{4e6, 2e6, 3e6}, {4e6, 3e6, 2e6, 5e6}}) {
+    ComparedPoint compared{};
+    for (const double rate : throughput) {
+      Entry e;
+      e.items_per_second = rate;
+      e.real_time = 1e3 * 6e6 / rate;
+      e.counters = {{"redundant_records", rate / 1e6}, {"records", 10}, {"lock_wait_share", 0.5}};
+      compared.simulated.add(e);
+      compared.measured.add(e);
+      compared.entries.push_back(e);
+    }
+    const Entry row = row_of(compared, {});
+    EXPECT_EQ(row.items_per_second, 3e6);
+    EXPECT_EQ(row.real_time, 2e3);
+    EXPECT_EQ(row.counters["redundant_records"], 3.0);
+  }
 }
 
 TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
@@ -405,6 +424,8 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   c.pace = {1.25, 1.5};
   c.costs["a cache under a workload"] = flat_costs(1.0, 2.0, 3.0);
   c.validation = Validation{.threads = 2,
+                            .cores_per_complex = 8,
+                            .cores_per_socket = 64,
                             .points = 60,
                             .records_points = 36,
                             .waiting_points = 40,

@@ -28,6 +28,7 @@ struct SimulateOptions {
   std::uint64_t seed = 1;
   unsigned complex_cores = 8, socket_cores = 64, repetitions = 9;
   bool recalibrate = false, validate = false;
+  const CLI::App* given_to = nullptr;
 
   /// A validation does not take the place of what was simulated before.
   std::string out_or_default() const { return out.value_or(validate ? "validation.json" : "simulated.json"); }
@@ -118,11 +119,12 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
              "", "", "", "");
   const Validation outcome = validation_of(simulation, points);
   for (const ComparedPoint& c : points) {
-    results.add(row_of(c, outcome));
+    const Entry row = row_of(c, outcome);
+    results.add(row);
     fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
-               median(c.measured.throughput), median(c.simulated.throughput), 100.0 * c.throughput_error(),
-               c.measured.redundant_mean(), c.simulated.redundant_mean(), 100.0 * median(c.measured.waiting),
-               100.0 * median(c.simulated.waiting), c.entry.name);
+               median(c.measured.throughput), row.items_per_second.value_or(0.0),
+               100.0 * c.throughput_error(), c.measured.redundant_mean(), c.simulated.redundant_mean(),
+               100.0 * median(c.measured.waiting), 100.0 * median(c.simulated.waiting), row.name);
   }
   const std::string line = fmt::format(
       "median errors with 2 to {} threads: throughput {:.1f} % ({} points), redundant records {:.1f} % ({}), "
@@ -191,6 +193,10 @@ void simulate_command(const SimulateOptions& o) {
   simulation.complete_calibration(
       [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
   ResultsWriter results(out, context, configuration);
+  if (o.validate && o.given_to->count("--cores") > 0)
+    tell_without_effect("icbench", "--cores", "with --validate, which takes those of this machine");
+  if (!o.validate && o.given_to->count("--repetitions") > 0)
+    tell_without_effect("icbench", "--repetitions", "without --validate");
   if (o.validate) return validate(simulation, topology, o, results);
 
   const std::vector<SimulationPoint> points = simulation.points();
@@ -257,7 +263,8 @@ void add_simulate(CLI::App& app) {
               "until it runs (default: measured, by how long\nit has slept); such rows were not "
               "validated")
           ->type_name("A,B");
-  add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u, "Cores that share a last-level cache");
+  add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u,
+            "Cores that share a last-level cache; a validation is of one\n--complex and one --socket");
   add_whole(simulate, "--socket", o->socket_cores, 1u, 8192u, "Cores of a socket");
   simulate
       ->add_flag("--validate", o->validate,
@@ -270,6 +277,7 @@ void add_simulate(CLI::App& app) {
       ->add_option("--out", o->out,
                    "Results (JSON) (default: simulated.json; with --validate\nvalidation.json)")
       ->type_name("FILE");
+  o->given_to = simulate;
   simulate->callback([o] { simulate_command(*o); });
 }
 

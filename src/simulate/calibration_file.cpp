@@ -93,6 +93,8 @@ Calibration parse(const Json& j) {
       return static_cast<unsigned>(n);
     };
     out.threads = count_at("threads");
+    if (v.contains("cores_per_complex")) out.cores_per_complex = count_at("cores_per_complex");
+    if (v.contains("cores_per_socket")) out.cores_per_socket = count_at("cores_per_socket");
     out.points = count_at("points");
     out.records_points = count_at("records_points");
     out.waiting_points = count_at("waiting_points");
@@ -138,6 +140,8 @@ nlohmann::ordered_json Calibration::to_json() const {
   j["harness_query_ns"] = harness_query_ns;
   if (validation) {
     j["validation"] = {{"threads", validation->threads},
+                       {"cores_per_complex", validation->cores_per_complex},
+                       {"cores_per_socket", validation->cores_per_socket},
                        {"points", validation->points},
                        {"records_points", validation->records_points},
                        {"waiting_points", validation->waiting_points},

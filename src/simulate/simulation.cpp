@@ -133,7 +133,9 @@ bool Simulation::is_of_this_machine() const noexcept {
 
 const Validation* Simulation::validation_for(const SimulationPoint& point) const {
   const auto& known = calibration_.validation;
-  const bool applies = known && known->holds() && known->commit == request_.commit && !request_.transfers &&
+  const bool applies = known && known->holds() && known->commit == request_.commit &&
+                       known->cores_per_complex == request_.machine.cores_per_complex &&
+                       known->cores_per_socket == request_.machine.cores_per_socket && !request_.transfers &&
                        !request_.hand_over && known->errors.contains(validated_as(point));
   return applies ? &*known : nullptr;
 }

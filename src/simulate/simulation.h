@@ -94,7 +94,8 @@ class Simulation {
   /// Without work; of `plan` as far as it has none.
   CalibratedPlan plan_without_work(std::size_t workload);
   Teams& teams();
-  /// Null if figures like the point's were not found near measured ones, by this build, at the costs that are used.
+  /// Null if figures like the point's were not found near measured ones, by this build, at the costs and on the virtual
+  /// machine that are used.
   const Validation* validation_for(const SimulationPoint& point) const;
 
   SimulationRequest request_;

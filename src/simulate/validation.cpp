@@ -76,6 +76,16 @@ void Rounds::add(const Entry& e) {
 
 double Rounds::redundant_mean() const { return mean(redundant); }
 
+const Entry& ComparedPoint::usual() const {
+  std::vector<const Entry*> order;
+  for (const Entry& e : entries) order.push_back(&e);
+  const auto at = order.begin() + static_cast<std::ptrdiff_t>((order.size() - 1) / 2);
+  std::nth_element(order.begin(), at, order.end(), [](const Entry* a, const Entry* b) {
+    return a->items_per_second.value_or(0.0) < b->items_per_second.value_or(0.0);
+  });
+  return **at;
+}
+
 double ComparedPoint::throughput_error() const { return throughput_off_by(simulated, measured); }
 
 double ComparedPoint::file_error() const { return throughput_off_by(by_file, measured); }
@@ -138,8 +148,8 @@ std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topol
           ComparedPoint& compared = all[index.at(name)];
           compared.measured.add(measured);
           const Entry simulated = simulation.run(point, i, moment);
-          if (i == 1) compared.entry = simulated;
           compared.simulated.add(simulated);
+          compared.entries.push_back(simulated);
         }
         tell(name);
       }
@@ -163,8 +173,8 @@ Validation validation_of(const Simulation& simulation, std::span<const ComparedP
         c.throughput_error();  // of the most threads, which come last
     throughput.push_back(c.throughput_error());
     by_file.push_back(c.file_error());
-    if (c.entry.counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
-    if (c.entry.counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
+    if (c.usual().counters.contains("redundant_records")) redundant.push_back(c.redundant_error());
+    if (c.usual().counters.value("lock_acquisitions", 0.0) > 0.0) waiting.push_back(c.waiting_error());
   }
   const auto or_none = [](const std::vector<double>& v) { return v.empty() ? 0.0 : median(v); };
   out.points = static_cast<unsigned>(throughput.size());
@@ -174,14 +184,15 @@ Validation validation_of(const Simulation& simulation, std::span<const ComparedP
   out.throughput_error = or_none(throughput);
   out.records_error = or_none(redundant);
   out.waiting_error = or_none(waiting);
+  out.cores_per_complex = simulation.request().machine.cores_per_complex;
+  out.cores_per_socket = simulation.request().machine.cores_per_socket;
   out.date = date_now();
   out.commit = simulation.request().commit;
   return out;
 }
 
 Entry row_of(const ComparedPoint& compared, const Validation& outcome) {
-  Entry row = compared.entry;
-  row.items_per_second = median(compared.simulated.throughput);
+  Entry row = compared.usual();
   auto& c = row.counters;
   c["validated_to_threads"] = outcome.holds() ? outcome.threads : 0;
   c["rounds"] = compared.measured.throughput.size();

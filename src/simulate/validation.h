@@ -36,9 +36,13 @@ struct Rounds {
 /// A point, measured and simulated in turns.
 struct ComparedPoint {
   SimulationPoint point;
-  Entry entry{};  ///< the first round's simulated one
+  std::vector<Entry> entries{};  ///< the rounds' simulated ones
   Rounds measured{}, simulated{};
   Rounds by_file{};  ///< simulated by the costs that the calibration takes on; of more than one thread
+
+  /// Of `entries`, which are some, the one of the median throughput, so that its figures belong together; the slower one
+  /// in the middle of an even number.
+  const Entry& usual() const;
 
   /// Of the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.
   double throughput_error() const;
