@@ -32,6 +32,7 @@
 #include <numeric>
 #include <unordered_set>
 
+#include "cli/options.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/results.h"
@@ -410,13 +411,11 @@ int main(int argc, char** argv) {
   app.add_option("--out,--json", o.out, "Results (JSON); written as the work goes on")->capture_default_str();
   app.add_option("--scene", o.scene, "Where the points lie: a scene of the suite, or a file")
       ->capture_default_str();
-  app.add_option("--records", o.records, "Records in the caches")
-      ->check(CLI::Range(1000u, 10'000'000u))
-      ->capture_default_str();
-  app.add_option("--repetitions", o.repetitions, "Times that each structure is asked, in random order")
-      ->check(CLI::Range(1u, 100'000u))
-      ->capture_default_str();
-  app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
+  icbench::add_whole(&app, "--records", o.records, 1000u, 10'000'000u, "Records in the caches");
+  icbench::add_whole(&app, "--repetitions", o.repetitions, 1u, 100'000u,
+                     "Times that each structure is asked, in random order");
+  icbench::add_whole(&app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0},
+                     "Seed of all random numbers");
   app.add_flag("--counting", o.counting, "Measure no time: ask each structure once, for bench/instructions");
   try {
     app.parse(argc, argv);

@@ -70,6 +70,14 @@ class Instructions(unittest.TestCase):
         self.assertRegex(done.stderr, r"\Aanatomy: unknown scene 'nosuch'; [^\n]+\n\Z")
         self.assertEqual([(path.name, path.read_text()) for path in self.folder.iterdir()], [("anatomy.json", "kept")])
 
+    def test_numbers_of_anatomy_are_whole_and_in_range(self):
+        for option, number in (("--seed", "-1"), ("--seed", "1e3"), ("--records", "1e4"), ("--records", "0x1000"),
+                               ("--repetitions", "0")):
+            done = subprocess.run([kPrograms / "anatomy", "--scene", "nosuch", option, number, "--out", self.results],
+                                  capture_output=True, text=True, timeout=PATIENCE)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, rf"\Aanatomy: {option} '{number}' is not a whole number from [^\n]+\n\Z")
+
     def test_wrong_input_is_one_line(self):
         self.refused("no results of anatomy")
         self.results.write_text("{}")
