@@ -198,10 +198,10 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1.0, 1e5))
       ->capture_default_str();
   // Of fewer than six samples no interval is a 95 % one: bootstrap_median.
-  app.add_option("--samples", o.samples, "Samples of a row before a verdict is sought")
-      ->check(CLI::Range(std::size_t{6}, icbench::kMaximum))
-      ->capture_default_str();
-  app.add_option("--seed", o.seed, "Seed of all random numbers")->capture_default_str();
+  icbench::add_whole(&app, "--samples", o.samples, std::size_t{6}, icbench::kMaximum,
+                     "Samples of a row before a verdict is sought");
+  icbench::add_whole(&app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0},
+                     "Seed of all random numbers");
   try {
     app.parse(argc, argv);
     if (std::isnan(o.seconds))

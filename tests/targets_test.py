@@ -52,7 +52,10 @@ class Targets(unittest.TestCase):
         for options, hint in ((["--rows", "packed_memory_100"], f"did you mean '{QUICK}'"),
                               (["--rows", ""], "no row is named"),
                               (["--rows", QUICK, "--json", "/nowhere/rows.json"], "there is no folder"),
-                              (["--rows", QUICK, "--samples", "5"], "6 to 2000")):
+                              (["--rows", QUICK, "--samples", "5"], "6 to 2000"),
+                              (["--list", "--seed", "-1"], "--seed '-1' is not a whole number"),
+                              (["--list", "--seed", "1e3"], "--seed '1e3' is not a whole number"),
+                              (["--list", "--samples", "010x"], "--samples '010x' is not a whole number")):
             with self.subTest(options=options):
                 self.refuses(self.run_rows(*options), hint)
         self.refuses(self.run_rows("--rows", QUICK, seconds="nan"), "not a number")
