@@ -214,6 +214,8 @@ int run_program(int argc, char** argv) {
     if (replay->count() > 0) return print_replay(options.replay);
     if (json->count() > 0) require_writable("--json", options.json);
     Run run(options);  // refuses names that nobody knows, before anything else is said
+    if (options.preemptions && options.extent == explore::Extent::off)
+      tell_without_effect("icstress", "--preemptions", "with --explore off");
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
     if (!options.campaign.use_tsc)

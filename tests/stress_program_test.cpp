@@ -58,6 +58,17 @@ TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
   expect_bad_usage("--replay wait_fre:install:stamped:0", "did you mean 'wait_free'");
 }
 
+TEST(StressProgram, PreemptionsWithoutSchedulesAreNamed) {
+  const std::string brief =
+      "--caches wait_free --operations 20000 --threads 3 --seed 5 --explore off --progress off";
+  const std::string line = "icstress: --preemptions has no effect with --explore off\n";
+  for (const bool is_given : {true, false}) {
+    const Outcome outcome = icstress(brief + (is_given ? " --preemptions 2" : ""));
+    EXPECT_EQ(outcome.status, 0) << outcome.errors;
+    EXPECT_EQ(outcome.errors.find(line) != std::string::npos, is_given) << outcome.errors;
+  }
+}
+
 TEST(StressProgram, ReportsEveryCheckAndControl) {
   const TemporaryFolder folder;
   const std::string file = (folder / "verdicts.json").string();
