@@ -427,8 +427,8 @@ def _resampled_middles(n: int) -> tuple[np.ndarray, np.ndarray]:
 def tail(n: int) -> float:
     """Per cent of the resampled medians of n > 1 samples to leave out at each end, 2.5 in the limit.
 
-    Leaving out 2.5 makes intervals of few samples too narrow, by sqrt((n - 1) / n) and by the normal's quantile in place
-    of Student's t (Hesterberg 2014, What Teachers Should Know about the Bootstrap, arXiv:1411.5279).
+    Leaving out 2.5 makes intervals of few samples too narrow, by sqrt((n - 1) / n) and by the normal's quantile in
+    place of Student's t (Hesterberg 2014, What Teachers Should Know about the Bootstrap, arXiv:1411.5279).
     """
     return 100 * float(ndtr(-math.sqrt(n / (n - 1)) * stdtrit(n - 1, (1 + kConfidence) / 2)))
 

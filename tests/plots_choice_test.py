@@ -314,8 +314,8 @@ class Choice(InFolder):
         alone = [results.load([measured, path])[0] for path in paths]
         for first, second in ((0, 1), (1, 0), (0, 2), (2, 1)):
             setup, = results.load([measured, paths[first], paths[second]])
-            self.assertEqual(list(setup.simulated["real_time"]), list(alone[first].simulated["real_time"]))
-            self.assertEqual(list(setup.simulated["items_per_second"]), list(alone[first].simulated["items_per_second"]))
+            for column in ("real_time", "items_per_second"):
+                self.assertEqual(list(setup.simulated[column]), list(alone[first].simulated[column]))
             self.assertIn(f"answers for more cores are those of machine{first}.json", setup.remarks[-1])
             self.assertIn(f"what machine{second}.json simulated is of another", setup.remarks[-1])
             self.assertEqual(setup.simulated_paths, [paths[first], paths[second]])
