@@ -228,6 +228,7 @@ TEST_F(SmallFile, WritingThatFailsLeavesTheOldFileAndNothingElse) {
 
 TEST_F(SmallFile, SavesToOneNameAtOnceLeaveOneOfThem) {
   const std::vector<Record> one = random_records(2000, 5), other = random_records(3000, 6);
+  config_.capacity = 3000;
   for (int round = 0; round < 20; ++round) {
     Failure first, second;
     std::thread beside([&] { second = save(other); });
