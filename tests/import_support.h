@@ -21,6 +21,8 @@ inline ImportedScene import_text(const char* name, std::string_view text) {
   return import_scene(folder / name);
 }
 
+inline ImportedScene import_gltf(const GltfFile& file) { return import_text("scene.gltf", file.text()); }
+
 inline bool has_note(const ImportedScene& s, const std::string& part) {
   return std::any_of(s.notes.begin(), s.notes.end(),
                      [&](const std::string& n) { return n.find(part) != n.npos; });

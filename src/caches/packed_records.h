@@ -107,9 +107,9 @@ class PackedRecords {
         Stored& s = at(static_cast<UnitIndex>(i));
         if (is_empty(s) || f(s.record) == UpdateResult::keep) continue;
         {
+          // First, for if there is no memory for it the record stays.
           const std::scoped_lock lock(mutex);
-          freed_.push_back(
-              static_cast<UnitIndex>(i));  // first, for if there is no memory for it the record stays
+          freed_.push_back(static_cast<UnitIndex>(i));
         }
         s.mark.word.store(0, std::memory_order_relaxed);  // relaxed: quiescent, as all here
       }

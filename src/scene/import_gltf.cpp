@@ -30,7 +30,7 @@ constexpr std::array<std::string_view, 14> kKnownExtensions = {
     "KHR_mesh_quantization",     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_iridescence", "KHR_materials_anisotropy"};
 
-constexpr std::string_view kInstancing = "EXT_mesh_gpu_instancing";  // named where it is used, too
+constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";  // named where it is used, too
 
 constexpr std::size_t kMaxPlaced = 1'000'000;
 constexpr std::size_t kMostNamed = 20;  // extensions
@@ -183,7 +183,7 @@ class GltfReader {
         const Element lights = document_.at("extensions").at("KHR_lights_punctual").at("lights");
         place_light(lights[light->at("light").index(lights.size())], at);
       }
-      if (extensions->has(kInstancing.data())) model_.notes.drop(kInstancing);
+      if (extensions->has(kInstancing)) model_.notes.drop(kInstancing);
     }
   }
 

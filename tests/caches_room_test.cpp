@@ -1,0 +1,99 @@
+// Room in a cache, and what it takes of memory.
+#include <string_view>
+
+#include "cache_contract.h"
+
+namespace icbench {
+namespace {
+
+class Room : public Contract {};
+INSTANTIATE_TEST_SUITE_P(AllCaches, Room, ::testing::ValuesIn(registered_caches()), cache_name);
+
+TEST_P(Room, FullPoolIsAResultAndKeepsEarlierRecords) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 1000;
+  AnyCache cache(GetParam(), config(kCapacity));
+  auto session = cache.open_session(0);
+  const auto records = random_records(kCapacity + 200, 7);
+  for (std::uint32_t i = 0; i < records.size(); ++i) {
+    ASSERT_EQ(session.insert(records[i]), i < kCapacity ? InsertResult::inserted : InsertResult::full) << i;
+  }
+  EXPECT_EQ(cache.counters().full, 200u);
+  const std::vector<Record> accepted(records.begin(), records.begin() + kCapacity);
+  Pcg32 rng(8);
+  for (int i = 0; i < 300; ++i) {
+    const SurfacePoint x = random_surface_point(rng);
+    ASSERT_EQ(seen(session, x), oracle(accepted, x, cache.config().a));
+  }
+  cache.clear();
+  EXPECT_EQ(session.insert(records[0]), InsertResult::inserted) << "clear makes room";
+}
+
+TEST_P(Room, MemoryTakenBeforehandIsMissingToNobody) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 3000;
+  AnyCache cache(GetParam(), config(kCapacity));
+  std::vector<AnyCache::Session> sessions;
+  for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
+  Pcg32 rng(12);
+  std::uint32_t next_id = 0;
+  for (int round = 0; round < 2; ++round) {
+    // Far more than all sessions can use, again and again while one of them inserts.
+    for (std::uint32_t i = 0; i < kCapacity; ++i) {
+      if (i % 100 == 0) {
+        for (auto& session : sessions) session.prefault(kCapacity / threads() << i / 100 % 3);
+      }
+      const SurfacePoint x = random_surface_point(rng);
+      ASSERT_EQ(sessions.back().insert(make_record(next_id++, x.p, x.n, 1e-6f)), InsertResult::inserted) << i;
+    }
+    cache.end_frame();
+    ASSERT_EQ(stored(cache).size(), kCapacity);
+    cache.clear();
+  }
+}
+
+TEST_P(Room, DroppedRecordsMakeRoomForeverInALongAnimation) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  AnyCache cache(GetParam(), config(kCapacity));
+  auto session = cache.open_session(0);
+  const auto records = random_records(kCapacity, 60);
+  for (int frame = 0; frame < 50; ++frame) {
+    for (const Record& r : records) ASSERT_EQ(session.insert(r), InsertResult::inserted) << "frame " << frame;
+    cache.end_frame();
+    cache.update_records([](Record&) { return UpdateResult::drop; });
+    ASSERT_TRUE(stored(cache).empty());
+  }
+}
+
+TEST_P(Room, DroppedRecordsMakeRoomBetweenMergesToo) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  AnyCache cache(GetParam(), config(kCapacity));
+  auto session = cache.open_session(0);
+  for (int round = 0; round < 20; ++round) {
+    for (const Record& r : random_records(kCapacity, 65 + static_cast<std::uint64_t>(round))) {
+      ASSERT_EQ(session.insert(r), InsertResult::inserted) << "round " << round;
+    }
+    cache.update_records([](Record&) { return UpdateResult::drop; });
+  }
+}
+
+TEST(MemoryBytes, IncludeWhatAStructureTakesEmpty) {
+  constexpr std::string_view kPacked = "packed_";
+  CacheConfig config{.capacity = 1u << 20, .max_sessions = 1};
+  std::size_t without_lock = 0;
+  for (const AnyCache::Maker& maker : registered_caches()) {
+    if (maker.traits.name == "packed_wait_free") without_lock = AnyCache(maker, config).memory_bytes();
+  }
+  ASSERT_GT(without_lock, 100'000u);
+  for (const AnyCache::Maker& maker : registered_caches()) {
+    if (!maker.traits.name.starts_with(kPacked)) continue;
+    AnyCache cache(maker, config);
+    cache.open_session(0);
+    EXPECT_GT(cache.memory_bytes(), without_lock * 9 / 10) << maker.traits.name;
+  }
+}
+
+}  // namespace
+}  // namespace icbench
