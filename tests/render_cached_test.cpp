@@ -233,7 +233,7 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
     };
     EXPECT_NEAR(error_at({0.3f, 0.4f, 0}, r.n), 0.5f, 1e-6f);
     for (const float side : {-1.0f, 1.0f}) {
-      EXPECT_NEAR(error_at({0.3f, 0, 0.4f * side}, r.n), 0.5f + 4.0f * 0.4f, 1e-6f);
+      EXPECT_NEAR(error_at({0.3f, 0, 0.4f * side}, r.n), 0.5f + 2.0f * 0.4f, 1e-6f);
       // On a sphere or in a bowl that the record touches, no more than the distance and the turn count.
       constexpr float kTurn = 0.2f, kRadius = 2.0f;
       const glm::vec3 n(std::sin(kTurn), 0, std::cos(kTurn));
@@ -265,11 +265,64 @@ TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
     for (const Record& r : {left, right}) sum(r, 1.0f);
     return sum.result();
   };
-  const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 1.0f); };
+  const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 0.5f); };
   ASSERT_TRUE(mean_at(0.05f).has_value());
   EXPECT_NEAR(mean_at(0.05f)->x, (weight(0.5f) + 2.0f * weight(2.0f)) / (weight(0.5f) + weight(2.0f)), 1e-5f);
   EXPECT_FALSE(mean_at(0.125f).has_value()) << "a distance of 1.25 ellipses from either";
-  EXPECT_NEAR(mean_at(-0.09f)->x, 1.0f + weight(3.4f) / (weight(0.9f) + weight(3.4f)), 1e-5f);
+  EXPECT_NEAR(mean_at(-0.03f)->x, 1.0f + weight(2.8f) / (weight(0.3f) + weight(2.8f)), 1e-5f);
+  EXPECT_FLOAT_EQ(mean_at(-0.09f)->x, 1.0f) << "3.4 ellipses from the one on the right";
+}
+
+// Guards against: slats lit by what their neighbours' records could only guess at, and points given by one steep
+// gradient that is noise.
+TEST(RenderExtrapolation, WithOcclusionChangesAreJudgedByTheMeanOfThePicture) {
+  constexpr float kA = 0.5f;
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  RecordShapes shapes{RecordShaper(Interpolation::occlusion_hessian, kA, bounds,
+                                   RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
+                      RecordDetails(1, 1)};
+  RecordDetail& detail = shapes.details[shapes.details.draft(0)];
+  detail = {.gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f, .marks = {}};
+  const auto given_at = [&](float E, const SurfacePoint& x) {
+    return Extrapolator(shapes, x).of({glm::vec3(0.0f), {0, 0, 1}, 1.0f / kA, glm::vec3(E), 0}, 1.0f);
+  };
+  const auto slope = [&](float by_place, float by_normal) {
+    detail.gradients.translational.fill({by_place, 0, 0});
+    detail.gradients.rotational.fill({0, by_normal, 0});
+  };
+  const SurfacePoint beside{{0.5f, 0, 0}, {0, 0, 1}};
+  shapes.shaper.expect(4.0f);
+  slope(2.0f, 0.0f);
+  EXPECT_FLOAT_EQ(given_at(3.0f, beside).E.x, 3.5f) << "1 is halved where the mean is four times as much";
+  EXPECT_FLOAT_EQ(given_at(3.0f, {{-0.5f, 0, 0}, {0, 0, 1}}).E.x, 2.5f);
+  slope(0.002f, 0.0f);
+  EXPECT_NEAR(given_at(3.0f, beside).E.x, 3.001f, 2e-6f) << "what is small counts in full";
+  slope(1e20f, 0.0f);
+  EXPECT_FLOAT_EQ(given_at(3.0f, beside).E.x, 4.0f) << "and never more than a quarter of the mean";
+
+  const auto covers = [&](float E, const SurfacePoint& x) { return given_at(E, x).covers; };
+  const float most = 1.1f * kA * 4.0f;  // of a change that is foreseen
+  slope(1.98f * most, 0.0f);
+  EXPECT_TRUE(covers(3.0f, beside));
+  slope(-1.98f * most, 0.0f);
+  EXPECT_TRUE(covers(3.0f, beside));
+  slope(2.02f * most, 0.0f);
+  EXPECT_FALSE(covers(3.0f, beside));
+  EXPECT_TRUE(covers(4.5f, beside)) << "a brighter record is judged by itself";
+  EXPECT_GT(given_at(3.0f, beside).w, 0.0f) << "it counts where others cover";
+  const float sine = 0.2f;
+  const SurfacePoint turned{beside.p, {sine, 0, std::sqrt(1.0f - sine * sine)}};
+  slope(-most, 0.51f * most / sine);
+  EXPECT_FALSE(covers(3.0f, turned)) << "the two are added whatever their signs";
+  slope(-most, 0.49f * most / sine);
+  EXPECT_TRUE(covers(3.0f, turned));
+  EXPECT_NEAR(given_at(3.0f, turned).E.x, 3.0f - 0.5f * most / (1.0f + 0.5f * most) + 0.49f * most, 1e-4f);
+
+  shapes.shaper.expect(0.0f);  // unknown
+  slope(2.0f, 0.0f);
+  EXPECT_FLOAT_EQ(given_at(4.0f, beside).E.x, 4.5f) << "the record's own";
+  slope(0.0f, 0.0f);
+  EXPECT_TRUE(covers(0.0f, beside)) << "in the dark nothing changes";
 }
 
 // Guards against: a bunny covered with records whose gradients already know what its turning normals do.

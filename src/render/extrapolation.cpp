@@ -15,31 +15,43 @@ constexpr float kMostPixels = 20.0f;
 constexpr float kMostTurn = 2.0f;  // as of light from one direction 63 degrees off the normal
 
 constexpr float kMostReach = 0.2f;    // of the diagonal
-constexpr float kMostStretch = 2.0f;  // of an ellipse
+constexpr float kMostStretch = 2.0f;  // of an ellipse by geometry alone
+// Of one with occlusion: by how much less what is near faces the one axis than the other.
+constexpr float kStretch = 1.5f, kMostStretchAlong = 6.0f;
 
 // How far a record is valid along an eigenvector, as a share of a D: scale (E / (|lambda| D^2))^power, at least
 // `least`.
 struct ReachRule {
   float scale, power, least;
 };
-constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.32f, 1.0f / 6.0f, 0.006f};
-constexpr float kMostOfMean = 3.75f;    // of the mean distance, times a
+constexpr ReachRule kByGeometry{0.47f, 1.0f / 4.0f, 0.01f}, kWithOcclusion{0.32f, 1.0f / 6.0f, 0.005f};
+constexpr float kMostSlope = 0.7f;   // of the mean or the record, by what the gradient promises along an axis
+constexpr float kMostOfMean = 3.0f;  // of the mean distance, times a
 constexpr float kMostContrast = 64.0f;  // between a record and the picture, as far as its reach follows
 constexpr float kLeastOfLimit = 0.1f;   // of that by the mean distance, for the brightest
+
+glm::vec3 gradient_of_luminance(const IrradianceGradients& g) noexcept {
+  return 0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
+}
 
 // E / |gradient of E|, metres; infinite where nothing changes. Relative changes are what is squared: irradiance of 1e20
 // or 1e-20 would leave the range of floats.
 float change_length(const Irradiance& E, const IrradianceGradients& g) noexcept {
   const float brightness = luminance(E);
   if (!(brightness > 0.0f)) return std::numeric_limits<float>::infinity();
-  const glm::vec3 gradient =
-      0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
-  return 1.0f / glm::length(gradient / brightness);
+  return 1.0f / glm::length(gradient_of_luminance(g) / brightness);
 }
 
 // The irradiance by which the reach of a record of irradiance E goes, in a picture of that mean (0: unknown).
 float judged_by(float E, float mean) noexcept {
   return mean > 0.0f ? std::clamp(mean, E / kMostContrast, kMostContrast * E) : E;
+}
+
+// How many times as long as wide an ellipse may be, by how much what is near faces its two axes.
+float stretch(const Eigen2& faced) noexcept {
+  if (!(faced.large > 0.0f)) return kStretch;
+  constexpr float kLeast = kStretch / kMostStretchAlong;
+  return kStretch / std::max(std::sqrt(faced.small / faced.large), kLeast);
 }
 
 // By how much it is limited more closely than others for being bright.
@@ -149,17 +161,38 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
     const float brightness = luminance(E);
     const float unit_of_error = knows_light ? judged_by(brightness, mean_irradiance_) : brightness;
     const float area = diagonal_ * diagonal_;
-    const Eigen2 e = magnitudes_of(unit_of_error > 0.0f ? H / unit_of_error * area : glm::mat2(0.0f));
-    const float slow =
-        a_ * (knows_light ? share_for_brightness(brightness, mean_irradiance_) * kMostOfMean * mean
-                          : change_length(E, detail.gradients));
-    const auto reach = [&](float lambda) {
-      const float r = lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
-      return std::clamp(std::min(r, slow), least, most);
+    const glm::mat2 relative = unit_of_error > 0.0f ? H / unit_of_error * area : glm::mat2(0.0f);
+    const Eigen2 e = magnitudes_of(relative);
+    const auto by_hessian = [&](float lambda) {
+      return lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
     };
-    small_reach = reach(e.large);
-    large_reach = std::min(reach(e.small), kMostStretch * small_reach);
-    detail.major = -e.axis.y * seen.basis.s + e.axis.x * seen.basis.t;
+    glm::vec2 across = e.axis;
+    if (knows_light) {
+      const NearSurfaces surfaces = near_surfaces(seen, near);
+      const float lit = surfaces.distance_of_light;
+      const float typical = std::isfinite(lit) ? std::sqrt(mean) * std::sqrt(lit) : mean;
+      const float slow = a_ * share_for_brightness(brightness, mean_irradiance_) * kMostOfMean * typical;
+      const Eigen2 faced = magnitudes_of(surfaces.facing);
+      if (faced.large > 0.0f) across = faced.axis;
+      const glm::vec2 along(-across.y, across.x);
+      const glm::vec3 gradient = gradient_of_luminance(detail.gradients);
+      const auto by_gradient = [&](const glm::vec2& u) {
+        const float slope = std::fabs(glm::dot(gradient, u.x * seen.basis.s + u.y * seen.basis.t));
+        return slope > 0.0f ? kMostSlope * std::max(brightness, mean_irradiance_) / slope : most;
+      };
+      small_reach = std::clamp(std::min({by_hessian(e.large), slow, by_gradient(across)}), least, most);
+      const float lambda = std::fabs(glm::dot(along, relative * along));
+      const float longest = std::min({stretch(faced) * small_reach, by_hessian(lambda), by_gradient(along)});
+      large_reach = std::clamp(longest, small_reach, most);
+    } else {
+      const float slow = a_ * change_length(E, detail.gradients);
+      const auto reach = [&](float lambda) {
+        return std::clamp(std::min(by_hessian(lambda), slow), least, most);
+      };
+      small_reach = reach(e.large);
+      large_reach = std::min(reach(e.small), kMostStretch * small_reach);
+    }
+    detail.major = -across.y * seen.basis.s + across.x * seen.basis.t;
   }
   detail.inverse_major = 1.0f / large_reach;
   detail.inverse_minor = 1.0f / small_reach;

@@ -24,21 +24,29 @@
 // lambda a record is valid to the distance r = a D s (E / (|lambda| D^2))^q, where D is the scene's diagonal. By
 // geometry q is 1/4, which spreads the error evenly over regions (Schwarzhaupt et al. 2012). With occlusion it is 1/6:
 // near corners and on small things lambda grows without bound, and the fourth root put seven records of eight where a
-// tenth of the squared error was (two bunnies upon two). Limits: the smaller axis is at least half the larger; r is at
-// most a fifth of D and at least a hundredth of a D, with occlusion 0.006; by geometry alone at most a E / |gradient|;
-// with occlusion at most 3.75 a times the harmonic mean distance, and at most kMostPixels as projected to the screen.
+// tenth of the squared error was (two bunnies upon two). Limits: r is at most a fifth of D and at least a hundredth of
+// a D, with occlusion 0.005; by geometry alone at most a E / |gradient|, and the smaller axis is at least half the
+// larger; with occlusion at most kMostPixels as projected to the screen.
+//
+// With occlusion the ellipse lies along what is near. Slats, edges and shelves go on along themselves, and so does the
+// light between them, but a Hessian that is half noise does not tell: across is the direction of the tangent plane that
+// the surfaces seen face most, each for as much as it is near; there the larger eigenvalue decides, and r is at most
+// 3 a times a mean distance, the geometric mean of the harmonic mean of all distances and of that by radiance. Along
+// the other axis r is kStretch times as long, or more by how much less the surfaces face it, up to kMostStretchAlong,
+// and at most what the Hessian allows there. Along neither r is longer than the gradient takes to promise kMostSlope of
+// the mean irradiance of the picture, or of the record where that is brighter.
 //
 // With occlusion errors are absolute: the E of that formula is the mean irradiance of the picture, as far as that is
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
-// distance is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
+// distances is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
 // nothing has told the mean, E is the record's own. Of light that comes straight from lamps by way of mirrors and glass
 // the Hessian knows nothing; particles tell where it is and how far a record may count beside it (render/caustics.h).
 //
 // Of Radiance's rules one is not kept: its largest radius is at most 64 times its least. Here that may be 100 times
-// (split sphere), or a fifth of D over 0.006 a D.
+// (split sphere), or a fifth of D over 0.005 a D.
 //
-// The normal may turn as far as the split-sphere error allows, with occlusion that of 3 a. A point off the record's
+// The normal may turn as far as the split-sphere error allows, with occlusion that of 2.8 a. A point off the record's
 // surface, as far as that curves from one normal to the other (on a sphere the chord is at right angles to the sum of
 // the normals), counts as kOffSurface times as far away: slats and books have neighbours that face the same way.
 //
@@ -47,8 +55,14 @@
 // extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a
 // record to count within its ellipse alone, most points would have one or two, on the side where the first ray happened
 // to arrive, and corners, extrapolated from the open, would be too bright. R is that of the last point where a record
-// counts, so that its gradient may change E by a share search_reach a on the whole way there (restrain), and by a
-// kOverlap-th of that within the ellipse.
+// counts.
+//
+// Gradients are trusted as far as they do not promise too much. By geometry alone, as without ellipses, they are cut
+// down once and for all, so that E changes by a share search_reach a at most on the whole way to where the record ends
+// (restrain). With occlusion each change is judged where it is asked for: what comes of the place, g, counts as
+// g / (1 + |g| / kMostMoved mean), small ones in full; and a record covers no point at which the two changes, by place
+// and by normal, come to more than kMostForeseen a times the mean, or times the record where that is brighter. What it
+// foresees there is better looked at.
 //
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
@@ -133,12 +147,12 @@ inline constexpr float kTurnOfVpls = 3.0f;
 /// or that normals may turn farther than a alone allows. `of_vpls`: of a cache whose records these give.
 constexpr float search_reach(Interpolation level, bool of_vpls = false) noexcept {
   if (of_vpls && extrapolates(level)) return kTurnOfVpls;
-  if (level == Interpolation::occlusion_hessian) return 3.0f;
+  if (level == Interpolation::occlusion_hessian) return 2.8f;
   return level == Interpolation::neighbour_clamping ? 2.0f : 1.0f;
 }
 
 /// To how many times the size of its ellipse a record counts where another one covers the point.
-inline constexpr float kOverlap = 4.0f;
+inline constexpr float kOverlap = 3.0f;
 
 /// What a record carries beside the cache.
 struct RecordDetail {
@@ -214,6 +228,11 @@ class RecordShaper {
   /// The camera of this frame, from which screen limits are measured.
   void look_from(const Camera& camera) noexcept;
 
+  /// The luminance of irradiance, W/m^2, by which changes are judged where a record of irradiance E counts.
+  float brightness_for(const Irradiance& E) const noexcept {
+    return mean_irradiance_ > 0.0f ? mean_irradiance_ : luminance(E);
+  }
+
   /// Mean luminance of the irradiance in the pictures to come, W/m^2, by which errors are judged; 0: it is not known.
   void expect(float mean_irradiance) noexcept { mean_irradiance_ = mean_irradiance; }
 
@@ -281,11 +300,13 @@ class CoveredMean {
 class Extrapolator {
  public:
   Extrapolator(const RecordShapes& shapes, const SurfacePoint& x) noexcept
-      : details_(shapes.details),
+      : shaper_(shapes.shaper),
+        details_(shapes.details),
         x_(x),
         inverse_a_(1.0f / shapes.shaper.a()),
         inverse_turn_(inverse_a_ / search_reach(shapes.shaper.level())),
-        elliptic_(is_elliptic(shapes.shaper.level())) {}
+        elliptic_(is_elliptic(shapes.shaper.level())),
+        softens_(shapes.shaper.level() == Interpolation::occlusion_hessian) {}
 
   /// `weight`: of the split sphere, for an accuracy no finer than a.
   void operator()(const Record& r, float weight) noexcept {
@@ -316,31 +337,42 @@ class Extrapolator {
     if (!(error < (by_ellipse ? kOverlap : 1.0f))) return {r.E, 0.0f, false};
     const float w =
         elliptic_ ? (1.0f - error / kOverlap) / (square(square(error)) + kNoise) : weight - inverse_a_;
-    const bool covers = error < 1.0f;
+    bool covers = error < 1.0f;
     if (!has_details) return {r.E, w, covers};
     const RecordDetail& detail = details_[r.id];
     const glm::vec3 d = x_.p - r.p;
     const glm::vec3 turn = glm::cross(r.n, x_.n);
-    glm::vec3 E = r.E;
+    glm::vec3 moved, turned;  // what changes with place and normal
     for (int c = 0; c < 3; ++c) {
       const auto channel = static_cast<std::size_t>(c);
-      E[c] += glm::dot(detail.gradients.translational[channel], d) +
-              glm::dot(detail.gradients.rotational[channel], turn);
-      E[c] = std::clamp(E[c], 0.0f, kMaxIrradiance);
+      moved[c] = glm::dot(detail.gradients.translational[channel], d);
+      turned[c] = glm::dot(detail.gradients.rotational[channel], turn);
     }
+    if (softens_) {
+      const float unit = shaper_.brightness_for(r.E), by_place = std::fabs(luminance(moved));
+      const float foreseen = by_place + std::fabs(luminance(turned));
+      covers = covers && foreseen * inverse_a_ <= kMostForeseen * std::max(unit, luminance(r.E));
+      const float limit = kMostMoved * unit;
+      if (by_place > 0.0f) moved *= limit / (limit + by_place);
+    }
+    glm::vec3 E = r.E;
+    for (int c = 0; c < 3; ++c) E[c] = std::clamp(E[c] + moved[c] + turned[c], 0.0f, kMaxIrradiance);
     return {E, w, covers};
   }
 
  private:
-  static constexpr float kOffSurface = 4.0f;
-  static constexpr float kNoise = 1.0f;
+  static constexpr float kOffSurface = 2.0f;
+  static constexpr float kNoise = 0.5f;
+  // Of a, as a share of what is brighter, the record or the picture's mean; and of that mean.
+  static constexpr float kMostForeseen = 1.1f, kMostMoved = 0.25f;
 
   static float square(float x) noexcept { return x * x; }
 
+  const RecordShaper& shaper_;
   const RecordDetails& details_;
   SurfacePoint x_;
   float inverse_a_, inverse_turn_;
-  bool elliptic_;
+  bool elliptic_, softens_;
   CoveredMean sum_;
 };
 

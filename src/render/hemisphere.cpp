@@ -210,6 +210,22 @@ glm::mat2 geometric_hessian(const Hemisphere& seen, float near) noexcept {
   return kPi * mean / cells * sum;
 }
 
+NearSurfaces near_surfaces(const Hemisphere& seen, float near) noexcept {
+  NearSurfaces out;
+  float light = 0.0f, nearness_of_light = 0.0f;
+  for (const HemisphereSample& s : seen.samples) {
+    if (!std::isfinite(s.t)) continue;
+    const float nearness = 1.0f / std::max(s.t, near), L = luminance(s.L);
+    const glm::vec2 n(glm::dot(s.ng, seen.basis.s), glm::dot(s.ng, seen.basis.t));
+    out.facing += nearness * glm::outerProduct(n, n);
+    light += L;
+    nearness_of_light += L * nearness;
+  }
+  out.distance_of_light =
+      nearness_of_light > 0.0f ? light / nearness_of_light : std::numeric_limits<float>::infinity();
+  return out;
+}
+
 Eigen2 magnitudes_of(const glm::mat2& symmetric) noexcept {
   const float a = symmetric[0][0], b = 0.5f * (symmetric[0][1] + symmetric[1][0]), d = symmetric[1][1];
   const float centre = 0.5f * (a + d), half = 0.5f * (a - d);

@@ -127,7 +127,8 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
     } else {
       record.R = shaper.radius(record.p, g.R, g.E, detail.gradients);
     }
-    restrain(detail.gradients, record.E, record.R);
+    // With occlusion what is extrapolated is limited where it is asked for; here it only has to stay finite.
+    restrain(detail.gradients, record.E, apart ? rays_.epsilon() : record.R);
   }
   if (shapes_.details.suspects() == LeakSuspects::marked) {
     const float reach = shaper.reach(record.R);
