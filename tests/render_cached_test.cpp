@@ -196,14 +196,18 @@ TEST(RenderCached, NothingIsExpectedOfAPictureThatReflectsNothing) {
   EXPECT_EQ(mean_irradiance(rays, crew, 8, 8, 1), 0.0f);
 }
 
+// For records made by hand in a cube of 2 m.
+RecordShapes shapes_in_a_cube(Interpolation level, float a, std::uint32_t records) {
+  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
+  return {RecordShaper(level, a, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
+          RecordDetails(records, 1)};
+}
+
 // Where neighbours are looked for, a cache answers farther out than records are valid.
 TEST(RenderExtrapolation, ARecordWithoutDetailsCountsNoFartherThanItsAccuracy) {
   for (const Interpolation level : {Interpolation::neighbour_clamping, Interpolation::occlusion_hessian}) {
     constexpr float kA = 0.2f;
-    const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
-    const RecordShapes shapes{
-        RecordShaper(level, kA, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
-        RecordDetails(1, 1)};
+    const RecordShapes shapes = shapes_in_a_cube(level, kA, 1);
     const Record r{glm::vec3(0.0f), {0, 0, 1}, 1.0f, glm::vec3(3.0f), RecordDetails::kNone};
     for (const float distance : {0.0f, 0.19f, 0.21f, 0.39f}) {
       Extrapolator sum(shapes, {{distance, 0, 0}, r.n});
@@ -221,9 +225,7 @@ TEST(RenderExtrapolation, ARecordWithoutDetailsCountsNoFartherThanItsAccuracy) {
 TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
   for (const Interpolation level : {Interpolation::geometric_hessian, Interpolation::occlusion_hessian}) {
     constexpr float kA = 0.5f;
-    const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
-    RecordShapes shapes{RecordShaper(level, kA, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
-                        RecordDetails(1, 1)};
+    RecordShapes shapes = shapes_in_a_cube(level, kA, 1);
     const std::uint32_t id = shapes.details.draft(0);
     shapes.details[id] = {
         .gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f, .marks = {}};
@@ -248,10 +250,7 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
 // records that count so far away that no new ones are made.
 TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
   constexpr float kA = 0.5f;
-  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
-  RecordShapes shapes{RecordShaper(Interpolation::occlusion_hessian, kA, bounds,
-                                   RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
-                      RecordDetails(2, 1)};
+  RecordShapes shapes = shapes_in_a_cube(Interpolation::occlusion_hessian, kA, 2);
   const auto record_at = [&](float x, float E) {
     const std::uint32_t id = shapes.details.draft(0);
     shapes.details.keep(0);
@@ -277,10 +276,7 @@ TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
 // gradient that is noise.
 TEST(RenderExtrapolation, WithOcclusionChangesAreJudgedByTheMeanOfThePicture) {
   constexpr float kA = 0.5f;
-  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
-  RecordShapes shapes{RecordShaper(Interpolation::occlusion_hessian, kA, bounds,
-                                   RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10),
-                      RecordDetails(1, 1)};
+  RecordShapes shapes = shapes_in_a_cube(Interpolation::occlusion_hessian, kA, 1);
   RecordDetail& detail = shapes.details[shapes.details.draft(0)];
   detail = {.gradients = {}, .major = {1, 0, 0}, .inverse_major = 1.0f, .inverse_minor = 1.0f, .marks = {}};
   const auto given_at = [&](float E, const SurfacePoint& x) {

@@ -54,6 +54,50 @@ float stretch(const Eigen2& faced) noexcept {
   return kStretch / std::max(std::sqrt(faced.small / faced.large), kLeast);
 }
 
+// What limits the distances to which a record is valid, metres.
+struct ReachLimits {
+  float unit;  // a D
+  float least, most;
+};
+
+// Those distances along two axes at right angles, and the axis of the smaller one in the record's basis.
+struct Reach {
+  float large, small;
+  glm::vec2 across;
+};
+
+// To which distance the second derivative allows extrapolation; `lambda` as a share of E / D^2.
+float by_derivative(float lambda, const ReachRule& rule, const ReachLimits& limits) noexcept {
+  return lambda > 0.0f ? rule.scale * limits.unit / std::pow(lambda, rule.power) : limits.most;
+}
+
+// `longest`: how far gradients allow at all.
+Reach reach_by_geometry(const glm::mat2& H, float longest, const ReachLimits& limits) noexcept {
+  const Eigen2 e = magnitudes_of(H);
+  const auto reach = [&](float lambda) {
+    return std::clamp(std::min(by_derivative(lambda, kByGeometry, limits), longest), limits.least,
+                      limits.most);
+  };
+  const float small = reach(e.large);
+  return {std::min(reach(e.small), kMostStretch * small), small, e.axis};
+}
+
+// `widest`: how far distances allow across; `most_change`: of irradiance by its gradient, W/m^2.
+Reach reach_along_what_is_near(const glm::mat2& H, const glm::mat2& facing, float widest,
+                               const glm::vec2& gradient, float most_change,
+                               const ReachLimits& limits) noexcept {
+  const Eigen2 e = magnitudes_of(H), faced = magnitudes_of(facing);
+  const glm::vec2 across = faced.large > 0.0f ? faced.axis : e.axis, along(-across.y, across.x);
+  const auto allowed = [&](float lambda, const glm::vec2& axis) {
+    const float slope = std::fabs(glm::dot(gradient, axis));
+    return std::min(by_derivative(lambda, kWithOcclusion, limits),
+                    slope > 0.0f ? most_change / slope : limits.most);
+  };
+  const float small = std::clamp(std::min(allowed(e.large, across), widest), limits.least, limits.most);
+  const float large = std::min(allowed(std::fabs(glm::dot(along, H * along)), along), stretch(faced) * small);
+  return {std::clamp(large, small, limits.most), small, across};
+}
+
 // By how much it is limited more closely than others for being bright.
 float share_for_brightness(float E, float mean) noexcept {
   if (!(mean > 0.0f && E > mean)) return 1.0f;
@@ -146,57 +190,41 @@ float RecordShaper::ellipse(const glm::vec3& p, const Hemisphere& seen, float me
                             RecordDetail& detail, float farthest) const noexcept {
   // Geometry alone shrinks regions beside all that is near, lit or not; it needs no limit on the screen.
   const bool knows_light = level_ == Interpolation::occlusion_hessian;
-  const ReachRule& rule = knows_light ? kWithOcclusion : kByGeometry;
-  const float unit = a_ * diagonal_;
-  const float least = rule.least * unit;
-  float most = kMostReach * diagonal_;
-  if (knows_light)
-    most = std::clamp(kMostPixels * pixel_of_unit_distance_ * glm::distance(p, eye_), least, most);
-  most = std::clamp(farthest, least, most);
-  const float near = 0.1f * least;
-  float large_reach = std::clamp(a_ * limits_.clamp(mean), least, most), small_reach = large_reach;
-  detail.major = seen.basis.s;
+  ReachLimits limits{.unit = a_ * diagonal_, .least = 0.0f, .most = kMostReach * diagonal_};
+  limits.least = (knows_light ? kWithOcclusion : kByGeometry).least * limits.unit;
+  if (knows_light) {
+    const float pixels = kMostPixels * pixel_of_unit_distance_ * glm::distance(p, eye_);
+    limits.most = std::clamp(pixels, limits.least, limits.most);
+  }
+  limits.most = std::clamp(farthest, limits.least, limits.most);
+  const float near = 0.1f * limits.least;
+  const float circle = std::clamp(a_ * limits_.clamp(mean), limits.least, limits.most);
+  Reach reach{circle, circle, {0.0f, -1.0f}};
   if (seen.strata.count() >= kLeastCellsForHessian) {
-    const glm::mat2 H = knows_light ? occlusion_hessian(seen, near) : geometric_hessian(seen, near);
     const float brightness = luminance(E);
     const float unit_of_error = knows_light ? judged_by(brightness, mean_irradiance_) : brightness;
-    const float area = diagonal_ * diagonal_;
-    const glm::mat2 relative = unit_of_error > 0.0f ? H / unit_of_error * area : glm::mat2(0.0f);
-    const Eigen2 e = magnitudes_of(relative);
-    const auto by_hessian = [&](float lambda) {
-      return lambda > 0.0f ? rule.scale * unit / std::pow(lambda, rule.power) : most;
+    const auto relative = [&](const glm::mat2& H) {
+      return unit_of_error > 0.0f ? H / unit_of_error * (diagonal_ * diagonal_) : glm::mat2(0.0f);
     };
-    glm::vec2 across = e.axis;
     if (knows_light) {
       const NearSurfaces surfaces = near_surfaces(seen, near);
       const float lit = surfaces.distance_of_light;
       const float typical = std::isfinite(lit) ? std::sqrt(mean) * std::sqrt(lit) : mean;
-      const float slow = a_ * share_for_brightness(brightness, mean_irradiance_) * kMostOfMean * typical;
-      const Eigen2 faced = magnitudes_of(surfaces.facing);
-      if (faced.large > 0.0f) across = faced.axis;
-      const glm::vec2 along(-across.y, across.x);
+      const float widest = a_ * share_for_brightness(brightness, mean_irradiance_) * kMostOfMean * typical;
       const glm::vec3 gradient = gradient_of_luminance(detail.gradients);
-      const auto by_gradient = [&](const glm::vec2& u) {
-        const float slope = std::fabs(glm::dot(gradient, u.x * seen.basis.s + u.y * seen.basis.t));
-        return slope > 0.0f ? kMostSlope * std::max(brightness, mean_irradiance_) / slope : most;
-      };
-      small_reach = std::clamp(std::min({by_hessian(e.large), slow, by_gradient(across)}), least, most);
-      const float lambda = std::fabs(glm::dot(along, relative * along));
-      const float longest = std::min({stretch(faced) * small_reach, by_hessian(lambda), by_gradient(along)});
-      large_reach = std::clamp(longest, small_reach, most);
+      const glm::vec2 slope(glm::dot(gradient, seen.basis.s), glm::dot(gradient, seen.basis.t));
+      const float most_change = kMostSlope * std::max(brightness, mean_irradiance_);
+      reach = reach_along_what_is_near(relative(occlusion_hessian(seen, near)), surfaces.facing, widest,
+                                       slope, most_change, limits);
     } else {
-      const float slow = a_ * change_length(E, detail.gradients);
-      const auto reach = [&](float lambda) {
-        return std::clamp(std::min(by_hessian(lambda), slow), least, most);
-      };
-      small_reach = reach(e.large);
-      large_reach = std::min(reach(e.small), kMostStretch * small_reach);
+      reach = reach_by_geometry(relative(geometric_hessian(seen, near)),
+                                a_ * change_length(E, detail.gradients), limits);
     }
-    detail.major = -across.y * seen.basis.s + across.x * seen.basis.t;
   }
-  detail.inverse_major = 1.0f / large_reach;
-  detail.inverse_minor = 1.0f / small_reach;
-  return kOverlap * large_reach / (search_reach(level_) * a_);
+  detail.major = -reach.across.y * seen.basis.s + reach.across.x * seen.basis.t;
+  detail.inverse_major = 1.0f / reach.large;
+  detail.inverse_minor = 1.0f / reach.small;
+  return kOverlap * reach.large / (search_reach(level_) * a_);
 }
 
 }  // namespace icbench
