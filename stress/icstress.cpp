@@ -191,18 +191,15 @@ int run_program(int argc, char** argv) {
   app.add_option("--check", options.checks,
                  "all, or of integrity,regular,per_record_linearizable,linearizable,frame")
       ->capture_default_str();
-  app.add_option("--threads", options.campaign.threads, "threads, 2 to 8192 (with one, nothing overlaps)")
-      ->capture_default_str()
-      ->check(CLI::Range(2u, 8192u));
-  app.add_option("--operations", options.campaign.operations, "operations per cache, at least")
-      ->capture_default_str()
-      ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1'000'000'000'000}));
+  add_whole(&app, "--threads", options.campaign.threads, 2u, kMaxThreads,
+            fmt::format("threads, 2 to {} (with one, nothing overlaps)", kMaxThreads));
+  add_whole(&app, "--operations", options.campaign.operations, std::uint64_t{1},
+            std::uint64_t{1'000'000'000'000}, "operations per cache, at least");
   add_whole(&app, "--seed", options.campaign.seed, std::uint64_t{0}, ~std::uint64_t{0},
             "seed of everything random");
   add_extent(app, "--explore", options.extent, "schedules explored one by one");
-  app.add_option("--preemptions", options.preemptions,
-                 "most preemptions in an explored schedule; unbounded if not given")
-      ->check(CLI::Range(0u, 1000u));
+  add_whole(&app, "--preemptions", options.preemptions, 0u, 1000u,
+            "most preemptions in an explored schedule; unbounded if not given");
   add_extent(app, "--progress", options.progress, "step bounds and stopped threads");
   const CLI::Option* replay = app.add_option("--replay", options.replay,
                                              "print the schedule of this id, step by step, and nothing else");

@@ -47,6 +47,7 @@ TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
   expect_bad_usage("--thread 4", "did you mean '--threads'");
   expect_bad_usage("--threads 1", "--threads");
   expect_bad_usage("--threads many", "--threads");
+  expect_bad_usage("--threads 0x10", "--threads");
   expect_bad_usage("--operations 0", "--operations");
   expect_bad_usage("--seed -1", "--seed");
   expect_bad_usage("--json /nonexistent/x.json", "/nonexistent/x.json");

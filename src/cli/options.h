@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -94,6 +95,16 @@ CLI::Option* add_whole(CLI::App* app, const std::string& name, T& value, T low, 
   return app->add_option_function<std::string>(name, set, help)
       ->type_name("N")
       ->default_str(fmt::to_string(value));
+}
+
+/// The same of one that may be left out.
+template <class T>
+CLI::Option* add_whole(CLI::App* app, const std::string& name, std::optional<T>& value, T low, T high,
+                       const std::string& help) {
+  const auto set = [&value, name, low, high](const std::string& text) {
+    value = parse_whole(name, text, low, high);
+  };
+  return app->add_option_function<std::string>(name, set, help)->type_name("N");
 }
 
 /// An option for a number in (0, high], or [low, high]; `value` is the default and must outlive the parsing.
