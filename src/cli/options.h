@@ -14,6 +14,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -85,26 +86,18 @@ inline std::pair<int, int> parse_size(std::string_view text) {
           parse_whole(option, text.substr(x + 1), 1, kMaxSide)};
 }
 
-/// An option for a whole number from `low` to `high`; `value` is the default and must outlive the parsing.
-template <class T>
-CLI::Option* add_whole(CLI::App* app, const std::string& name, T& value, T low, T high,
+/// An option for a whole number from `low` to `high`; `value`, a T or std::optional<T>, is the default and must outlive
+/// the parsing.
+template <class Value, class T>
+CLI::Option* add_whole(CLI::App* app, const std::string& name, Value& value, T low, T high,
                        const std::string& help) {
+  static_assert(std::is_same_v<Value, T> || std::is_same_v<Value, std::optional<T>>);
   const auto set = [&value, name, low, high](const std::string& text) {
     value = parse_whole(name, text, low, high);
   };
-  return app->add_option_function<std::string>(name, set, help)
-      ->type_name("N")
-      ->default_str(fmt::to_string(value));
-}
-
-/// The same of one that may be left out.
-template <class T>
-CLI::Option* add_whole(CLI::App* app, const std::string& name, std::optional<T>& value, T low, T high,
-                       const std::string& help) {
-  const auto set = [&value, name, low, high](const std::string& text) {
-    value = parse_whole(name, text, low, high);
-  };
-  return app->add_option_function<std::string>(name, set, help)->type_name("N");
+  CLI::Option* const option = app->add_option_function<std::string>(name, set, help)->type_name("N");
+  if constexpr (std::is_same_v<Value, T>) option->default_str(fmt::to_string(value));
+  return option;
 }
 
 /// An option for a number in (0, high], or [low, high]; `value` is the default and must outlive the parsing.
