@@ -220,5 +220,41 @@ TEST(Overture, EveryPixelSeesEveryRecord) {
   }
 }
 
+// In a picture of one tile, so that its records are all that there are: by what an overture shows.
+TEST(Overlap, LaterRecordsOfTheTileCountAtAllHitsButThoseOfRecords) {
+  for (const char* scene : {"cornell_box", "cornell_specular"}) {
+    RayTracer rays(make_scene(scene));
+    for (const Interpolation level : {Interpolation::geometric_hessian, Interpolation::occlusion_hessian})
+      for (const bool deterministic : {false, true}) {
+        Wish wish;
+        wish.interpolation = level;
+        wish.deterministic = deterministic;
+        wish.threads = deterministic ? 3 : 1;
+        wish.width = wish.height = kFrameTile;
+        const Made made = render(rays, wish).front();
+        wish.overture = true;
+        const Made every_record = render(rays, wish).front();
+        ASSERT_TRUE(same_bits(made.records, every_record.records));
+        PrimaryHits primary(rays.scene(), wish.width, wish.height);
+        Tracer tracer(rays);
+        primary_tile(tracer, CameraView(rays.scene().camera, wish.width, wish.height), Lens::centre, {},
+                     {0, 0, wish.width, wish.height}, primary);
+        std::size_t differing = 0;
+        for (std::uint32_t pixel = 0; pixel < made.pixels.size(); ++pixel) {
+          bool has_record = false;
+          for (std::uint32_t layer = 0; layer < primary.layers(); ++layer) {
+            if (layer > 0 && (primary.is_plain() || primary.extra[pixel].size() < layer)) continue;
+            for (const Record& r : made.records) has_record |= r.p == primary.at(pixel, layer).hit.p;
+          }
+          if (same_bits<glm::vec3>({made.pixels[pixel]}, {every_record.pixels[pixel]})) continue;
+          EXPECT_TRUE(has_record) << scene << ", pixel " << pixel;
+          ++differing;
+        }
+        EXPECT_GT(differing, 0u) << "what a record is made for does not keep its irradiance";
+        EXPECT_GT(made.pixels.size(), 2 * made.records.size()) << "hardly anything was interpolated";
+      }
+  }
+}
+
 }  // namespace
 }  // namespace icbench

@@ -5,11 +5,16 @@
 // once. Random numbers of a gather depend on seed, frame, sample and pixel; which pixels gather depends on what the
 // cache holds when they ask, hence on the schedule. Hits ask one by one, never in a batch: a miss inserts a record that
 // answers the hits around it, and those asked together with it would each have one of their own made.
+//
+// Where records overlap (render/extrapolation.h) a hit is given by all records around it, but those on one side of it
+// may not have been made yet when it asks. So what the later records of its tile bring something to asks once more when
+// all of them are there. A hit that a record was made at keeps the record's irradiance.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "core/interpolation.h"
 #include "core/types.h"
@@ -166,15 +171,64 @@ concept ToldOfQueries = requires(Session s, const SurfacePoint& x) {
   s.asked(x, true);
 };
 
+/// Whether a record that is extrapolated counts at a point, where the cache is asked for it.
+inline bool brings_something(const RecordShapes& shapes, const Record& r, const SurfacePoint& at) noexcept {
+  const float accuracy = search_reach(shapes.shaper.level()) * shapes.shaper.a();
+  const float weight = split_sphere_weight(at, r, accuracy);
+  return weight > 0.0f && Extrapolator(shapes, at).of(r, weight).w > 0.0f;
+}
+
+/// Hits of a tile where records overlap: their irradiance until all records of the tile are made.
+class OverlappedHits {
+ public:
+  OverlappedHits(const RecordShapes& shapes, const Tile& tile) : shapes_(shapes) {
+    hits_.reserve(static_cast<std::size_t>(tile.x1 - tile.x0) * static_cast<std::size_t>(tile.y1 - tile.y0));
+  }
+
+  /// Given by the records that there were.
+  void add_answered(const Visible& x, const Irradiance& E) { hits_.push_back({x, E, State::answered}); }
+  /// Given by a record made there.
+  void add_own(const Visible& x, const Irradiance& E) { hits_.push_back({x, E, State::own}); }
+
+  /// A new record is in the cache.
+  void note(const Record& r) noexcept {
+    for (OverlappedHit& hit : hits_) {
+      if (hit.state == State::answered && brings_something(shapes_, r, {hit.x.hit.p, hit.x.hit.n}))
+        hit.state = State::outdated;
+    }
+  }
+
+  /// Calls show(visible, irradiance) for every hit in the order in which they were added, for those to which new records
+  /// bring something with irradiance_at(visible) instead of the irradiance that they were added with.
+  template <class IrradianceAt, class Show>
+  void show_all(IrradianceAt&& irradiance_at, Show&& show) const {
+    for (const OverlappedHit& hit : hits_)
+      show(hit.x, hit.state == State::outdated ? irradiance_at(hit.x) : hit.E);
+  }
+
+ private:
+  enum class State : std::uint8_t { answered, outdated, own };
+  struct OverlappedHit {
+    Visible x;
+    Irradiance E;
+    State state;
+  };
+
+  const RecordShapes& shapes_;
+  std::vector<OverlappedHit> hits_;
+};
+
 /// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and ask
-/// nothing. `thread` is the caller's, for the source; rays are counted in `tracer`.
+/// nothing. `thread` is the caller's, for the source; rays are counted in `tracer`. Out of memory ends the program.
 template <class Session>
 void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thread, Tracer& tracer,
                            const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
                            Image& indirect, CacheUse& use) noexcept {
   const bool telling = source.wants_use();
   const RecordShapes* shapes = source.shapes();
-  const auto ask = [&](const SurfacePoint& at) noexcept {
+  std::optional<OverlappedHits> overlapped;
+  if (shapes != nullptr && is_elliptic(shapes->shaper.level())) overlapped.emplace(*shapes, tile);
+  const auto answer = [&](const SurfacePoint& at) noexcept {
     if (shapes == nullptr)
       return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
     if (shapes->details.are_guarded())
@@ -183,27 +237,48 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
     return telling ? query_telling(session, source, at, Extrapolator(*shapes, at))
                    : query_extrapolating(session, *shapes, at);
   };
+  const auto ask = [&](const Visible& x) noexcept {
+    const SurfacePoint at{x.hit.p, x.hit.n};
+    ++use.queries;
+    const std::optional<Irradiance> E = answer(at);
+    if constexpr (ToldOfQueries<Session>) session.asked(at, E.has_value());
+    if (E) ++use.hits;
+    return E;
+  };
+  const auto make_record = [&](const Visible& x) noexcept {
+    Record record = source.evaluate(thread, tracer, x, key);
+    if (shapes != nullptr && shapes->clamps_to_neighbours())
+      record.R = clamped_to_neighbours(session, record);
+    const InsertResult result = session.insert(record);
+    use.count(result);
+    if (overlapped && result == InsertResult::inserted) overlapped->note(record);
+    source.settle(thread, record, result);
+    return record.E;
+  };
+  const auto show = [&](const Visible& x, const Irradiance& E) noexcept {
+    x.show(indirect, reflected_radiance(tracer.shared(), x.hit, E));
+  };
   for_each_visible_coarse_to_fine(tile, primary, [&](const Visible& x) {
     if (!reflects(tracer.shared(), x.hit)) {
       x.show(indirect, glm::vec3(0.0f));
       return;
     }
-    ++use.queries;
-    std::optional<Irradiance> E = ask({x.hit.p, x.hit.n});
-    if constexpr (ToldOfQueries<Session>) session.asked({x.hit.p, x.hit.n}, E.has_value());
-    if (E) {
-      ++use.hits;
-    } else {
-      Record record = source.evaluate(thread, tracer, x, key);
-      if (shapes != nullptr && shapes->clamps_to_neighbours())
-        record.R = clamped_to_neighbours(session, record);
-      const InsertResult result = session.insert(record);
-      use.count(result);
-      source.settle(thread, record, result);
-      E = record.E;
-    }
-    x.show(indirect, reflected_radiance(tracer.shared(), x.hit, *E));
+    const std::optional<Irradiance> answered = ask(x);
+    const Irradiance E = answered ? *answered : make_record(x);
+    if (!overlapped)
+      show(x, E);
+    else if (answered)
+      overlapped->add_answered(x, E);
+    else
+      overlapped->add_own(x, E);
   });
+  if (!overlapped) return;
+  // Another record may let the guard against leaks pass over the only one that covered a hit.
+  const auto irradiance_at = [&](const Visible& x) noexcept {
+    const std::optional<Irradiance> E = ask(x);
+    return E ? *E : make_record(x);
+  };
+  overlapped->show_all(irradiance_at, show);
 }
 
 }  // namespace icbench

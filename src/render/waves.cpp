@@ -116,8 +116,12 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
     width_ = primary.width;
     height_ = primary.height;
     tiles_ = make_tiles(width_, height_, kFrameTile, TileOrder::morton);
+    asked_.resize(primary.hits.size());
   }
-  const Frame frame{cache, primary, key, out};
+  stage_ = 0;
+  const RecordShapes* const shapes = source_.shapes();
+  const Frame frame{cache, primary, key, out, shapes != nullptr && is_elliptic(shapes->shaper.level())};
+  for (Worker& w : workers_) w.made.clear();
   Steps steps(crew_.size());
   crew_.run([&](unsigned index, Tracer& tracer) {
     const Thread t{frame, steps, index, tracer};
@@ -130,9 +134,14 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
       ask(t, 1, Lattice::all);
       answer_misses(t);
     }
-    if (!overture) return;
-    ask(t, 1, Lattice::all);
-    answer_misses(t);  // if the cache was full
+    if (overture) {
+      ask(t, 1, Lattice::all);
+      answer_misses(t);  // if the cache was full
+    } else if (frame.overlaps) {
+      steps.end([&] { gather_made(); });
+      ask(t, 1, Lattice::outdated);
+      answer_misses(t);  // if a record let the guard against leaks pass over the only one that covered a hit
+    }
   });
 }
 
@@ -143,7 +152,10 @@ void Waves::answer_misses(const Thread& t) {
   });
   while (!runs_.empty()) {  // each answers one miss, so that none is left in the end
     t.steps.share(runs_.size(), 1, [&](std::size_t i) { make(t, runs_[i]); });
-    t.steps.end([&] { t.frame.cache.publish(); });
+    t.steps.end([&] {
+      t.frame.cache.publish();
+      ++stage_;
+    });
     ask_again(t);
     t.steps.end([&] {
       keep_unanswered(t.frame);
@@ -154,23 +166,36 @@ void Waves::answer_misses(const Thread& t) {
 
 // Pixels that find no record are left 0, but for the layers that do.
 void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
-  const auto& [cache, primary, key, out] = t.frame;
+  const auto& [cache, primary, key, out, overlaps] = t.frame;
   const std::size_t grain = std::max<std::size_t>(1, spacing * spacing / 16);
   const std::uint32_t edge = edge_of_blocks(spacing);
   Worker& w = workers_[t.index];
   w.answers.guard_by(t.tracer, w.use.leaks);
   t.steps.share(tiles_.size(), grain, [&](std::size_t i) {
+    if (lattice == Lattice::outdated) {
+      find_made_in(tiles_[i], w.here);
+      if (w.here.empty()) return;
+    }
     w.points.clear();
     w.asked.clear();
     const auto each_pixel = [&](const Tile& tile, int width, auto&& f) {
       for_each_pixel(tile, width, [&](std::uint32_t pixel) {
         const auto row = static_cast<std::uint32_t>(width);
-        if (lattice == Lattice::all || is_added(pixel % row, pixel / row, spacing)) f(pixel);
+        if (lattice == Lattice::added && !is_added(pixel % row, pixel / row, spacing)) return;
+        if (lattice == Lattice::outdated && !is_outdated(t.frame, pixel, w.here)) return;
+        asked_[pixel] = stage_;
+        f(pixel);
       });
     };
     for_each_visible(tiles_[i], primary, each_pixel, [&](const Visible& x) {
       if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
       if (!reflects(rays_, x.hit)) return;
+      if (lattice == Lattice::outdated) {
+        if (const Made* own = made_at(x.pixel, x.layer)) {
+          show(t.frame, x.pixel, x.layer, own->record.E);
+          return;
+        }
+      }
       w.points.push_back({x.hit.p, x.hit.n});
       w.asked.push_back({x.pixel, x.layer});
     });
@@ -202,6 +227,48 @@ void Waves::gather_misses() {
     return std::tie(a.block, a.rank, a.pixel, a.layer) < std::tie(b.block, b.rank, b.pixel, b.layer);
   });
   colour_ = 0;
+}
+
+void Waves::gather_made() {
+  made_.clear();
+  for (Worker& w : workers_) made_.insert(made_.end(), w.made.begin(), w.made.end());
+  std::sort(made_.begin(), made_.end(), [](const Made& a, const Made& b) {
+    return std::tie(a.pixel, a.layer) < std::tie(b.pixel, b.layer);
+  });
+}
+
+void Waves::find_made_in(const Tile& tile, std::vector<const Made*>& here) const {
+  here.clear();
+  const auto width = static_cast<std::uint32_t>(width_);
+  const auto x0 = static_cast<std::uint32_t>(tile.x0), x1 = static_cast<std::uint32_t>(tile.x1);
+  for (auto y = static_cast<std::uint32_t>(tile.y0); y < static_cast<std::uint32_t>(tile.y1); ++y) {
+    const auto first = std::lower_bound(made_.begin(), made_.end(), y * width + x0,
+                                        [](const Made& m, std::uint32_t pixel) { return m.pixel < pixel; });
+    for (auto m = first; m != made_.end() && m->pixel < y * width + x1; ++m) here.push_back(&*m);
+  }
+}
+
+const Waves::Made* Waves::made_at(std::uint32_t pixel, std::uint32_t layer) const noexcept {
+  const auto found = std::lower_bound(
+      made_.begin(), made_.end(), Asked{pixel, layer}, [](const Made& m, const Asked& asked) {
+        return std::tie(m.pixel, m.layer) < std::tie(asked.pixel, asked.layer);
+      });
+  return found != made_.end() && found->pixel == pixel && found->layer == layer ? &*found : nullptr;
+}
+
+bool Waves::is_outdated(const Frame& frame, std::uint32_t pixel,
+                        std::span<const Made* const> here) const noexcept {
+  const RecordShapes& shapes = *source_.shapes();
+  const PrimaryHits& primary = frame.primary;
+  const auto layers = primary.is_plain() ? 1u : 1u + static_cast<std::uint32_t>(primary.extra[pixel].size());
+  for (std::uint32_t layer = 0; layer < layers; ++layer) {
+    const Hit& hit = primary.at(pixel, layer).hit;
+    if (!reflects(rays_, hit) || made_at(pixel, layer) != nullptr) continue;
+    for (const Made* m : here)
+      if (m->is_stored && m->stage >= asked_[pixel] && brings_something(shapes, m->record, {hit.p, hit.n}))
+        return true;
+  }
+  return false;
 }
 
 // Takes the blocks of the next colour that has misses.
@@ -245,6 +312,8 @@ void Waves::make(const Thread& t, const Run& run) {
     w.use.count(result);
     source_.settle(t.index, record, result);
     if (result == InsertResult::inserted) w.own.push_back(record);
+    if (frame.overlaps)
+      w.made.push_back({m.pixel, m.layer, stage_, result == InsertResult::inserted, record});
   }
 }
 
@@ -275,6 +344,7 @@ void Waves::keep_unanswered(const Frame& frame) {
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
       show(frame, misses_[i].pixel, misses_[i].layer, *replies_[i].E);
+      if (frame.primary.is_plain()) asked_[misses_[i].pixel] = stage_;
     } else {
       misses_[left] = misses_[i];
       misses_[left++].most_R = replies_[i].most_R;

@@ -17,6 +17,9 @@
 //
 // Later samples of a pixel find nearly all records made, and take one wave of all pixels.
 //
+// Where records overlap, those hits ask once more in the end to which records that their tile got later bring something,
+// as in a free-running pass (render/irradiance_cache.h).
+//
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
 //
@@ -143,6 +146,13 @@ class Waves {
   struct Asked {
     std::uint32_t pixel, layer;
   };
+  // A record made for this sample, and the hit it was made at.
+  struct Made {
+    std::uint32_t pixel, layer;
+    std::uint32_t stage;  // hits that were asked for at this stage or before it did not find it
+    bool is_stored;
+    Record record;
+  };
   struct Miss {
     std::uint32_t block;  // of the image; neighbours in order are neighbours there
     std::uint32_t rank;   // at random
@@ -161,14 +171,17 @@ class Waves {
     std::vector<Reply> replies;
     std::vector<Asked> asked;
     std::vector<Miss> missed;
-    std::vector<Record> own;  // made for this run
+    std::vector<Record> own;        // made for this run
+    std::vector<Made> made;         // in this sample
+    std::vector<const Made*> here;  // of these, in one tile
     CacheUse use;
   };
 
-  enum class Lattice : bool {
-    added,
-    all
-  };  // the pixels that a spacing adds to those of twice the spacing, or all
+  enum class Lattice : std::uint8_t {
+    added,    // the pixels that a spacing adds to those of twice the spacing
+    all,      // pixels
+    outdated  // those to which records bring something that their tile got later
+  };
 
   // What is rendered, and where.
   struct Frame {
@@ -176,6 +189,7 @@ class Waves {
     const PrimaryHits& primary;
     const SampleKey& key;
     Image& out;
+    bool overlaps;  // whether records do
   };
   // A thread of the crew within a frame: all go through the same steps.
   struct Thread {
@@ -192,8 +206,14 @@ class Waves {
 
   // What one thread does alone between steps.
   void gather_misses();
+  void gather_made();
   void choose_runs();
   void keep_unanswered(const Frame& frame);
+
+  void find_made_in(const Tile& tile, std::vector<const Made*>& here) const;
+  const Made* made_at(std::uint32_t pixel, std::uint32_t layer) const noexcept;
+  /// `here`: what was made in its tile.
+  bool is_outdated(const Frame& frame, std::uint32_t pixel, std::span<const Made* const> here) const noexcept;
   void show(const Frame& frame, std::uint32_t pixel, std::uint32_t layer, const Irradiance& E) const noexcept;
 
   const RayTracer& rays_;
@@ -206,6 +226,10 @@ class Waves {
   std::vector<Reply> replies_;  // for each
   std::vector<Run> runs_;       // of this round
   std::uint32_t colour_ = 0;    // of blocks in the next round
+  // Where records overlap:
+  std::uint32_t stage_ = 0;           // how often records were published in this sample
+  std::vector<std::uint32_t> asked_;  // the stage at which a pixel was asked for last
+  std::vector<Made> made_;            // by pixel and layer
 };
 
 }  // namespace icbench
