@@ -41,6 +41,14 @@ def budgets(seconds: pd.Series) -> list[float]:
     return [b for i, b in enumerate(made) if i == 0 or made[i - 1] < high]
 
 
+def columns(seconds: pd.Series) -> list[float]:
+    """Those that a table has room for: where there are many, powers of ten, and the slowest of these."""
+    times = budgets(seconds)
+    if len(times) > kMost:
+        times = [time for time in times if f"{time:e}".startswith("1.")]
+    return times[-kMost:]
+
+
 def best_of_each(part: pd.DataFrame, seconds: float, error: str) -> pd.DataFrame:
     """Of every method the setting of least error, the fastest of several, that takes no longer; the best first."""
     fast = part[(part["seconds"] <= seconds) & part[error].notna()]
@@ -102,7 +110,7 @@ def _scene(scene: str) -> str:
 
 def budget_table(everything: pd.DataFrame, error: str) -> str:
     """A line for each scene, a column for each budget; one cell where the answer stays the same."""
-    times = budgets(everything["seconds"])[-kMost:]
+    times = columns(everything["seconds"])
     head = "<th>scene</th>" + "".join(f"<th>{time:g} s</th>" for time in times)
     lines = []
     for scene, part in everything.groupby("scene"):
@@ -149,7 +157,7 @@ def collected(everything: pd.DataFrame) -> dict:
 
 def _first(everything: pd.DataFrame) -> float:
     """The middle one of the budgets, in which every scene has an answer where there is such a one."""
-    times = budgets(everything["seconds"])[-kMost:]
+    times = columns(everything["seconds"])
     slowest = everything.groupby("scene")["seconds"].min().max()
     enough = [time for time in times if time >= slowest] or times[-1:]
     return max(enough[0], times[len(times) // 2])
@@ -177,6 +185,13 @@ def _notes(everything: pd.DataFrame) -> str:
         scaled)))
 
 
+def another() -> str:
+    """How to ask for what was not measured."""
+    return ('<p class="note">For another scene, size or machine: <code>icbench pareto --scene NAME --size 640x480 --out '
+            "pareto.json</code> (or a scene file in place of the name), then <code>plots/report.py</code> with the "
+            "file.</p>")
+
+
 def section(measured: Measured, everything: pd.DataFrame) -> str:
     """The form, hidden until a script shows it, and the tables: one by one on the screen, all on paper."""
     errors = present(everything)
@@ -191,5 +206,5 @@ def section(measured: Measured, everything: pd.DataFrame) -> str:
         words, unit, _ = kMetrics[error]
         heading = text(f"{kTitle}: what has the least {words}" + (f", {unit}" if unit else ""))
         tables += f'<div class="by" data-error="{error}"><h3>{heading}</h3>{budget_table(everything, error)}</div>'
-    return (f'<div class="budget" data-from="{identity}">{form}{tables}</div>{_notes(everything)}'
+    return (f'<div class="budget" data-from="{identity}">{form}{tables}</div>{_notes(everything)}{another()}'
             f"{interactive.data(identity, collected(everything))}")

@@ -96,7 +96,10 @@ def front_table(part: pd.DataFrame) -> str:
             value = interval(line[error], line[f"{error}_low"], line[f"{error}_high"])
             star = "&nbsp;*" if error == "relmse" and line.get("below_reference") else ""
             cells.append(f'<td class="n{" good" if line[f"front_{error}"] else ""}">{value}{star}</td>')
-        cells += [f'<td class="n">{style.number(line[n])}</td>' for n in has]
+        for n in has:
+            value = (interval(line[n], line[f"{n}_low"], line[f"{n}_high"]) if f"{n}_low" in line
+                     else style.number(line[n]))
+            cells.append(f'<td class="n">{value}</td>')
         lines.append(f"<tr>{''.join(cells)}</tr>")
     return table(head, lines, "wide")
 

@@ -20,7 +20,8 @@ kFiles = "results of icbench pareto, a scene each"
 kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "relmse_irradiance": "relMSE of irradiance",
            "rmse_irradiance": "RMSE of irradiance, W/m²", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, % of pixels",
            "hdrvdp_p95": "HDR-VDP, % of pixels at 95 %", "full_relmse": "relMSE of the whole picture"}
-kOthers = ("mean_ratio", "full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
+kSpread = (*kErrors, "mean_ratio")  # told with the spread of the runs
+kOthers = ("full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
 kOfLast = ("bias", "deviation", "bias_runs")  # of all runs together: the last one tells
 kReference = ("reference_spp", "reference_rmse", "reference_relmse", "reference_rmse_irradiance",
               "reference_relmse_irradiance", "full_reference_relmse", "width", "height", "relmse_scale")
@@ -89,17 +90,17 @@ def on_front(seconds, error) -> np.ndarray:
 def points(measured: Measured) -> pd.DataFrame:
     """One line per setting: medians with intervals, bias and deviation of its runs, and its fronts, `front_ERROR`.
 
-    Of seconds and errors the spread of its runs as well, `X_from` and `X_to`: the interval, or where there are too few
+    Of seconds, errors and the mean ratio the spread of its runs as well, `X_from` and `X_to`: the interval, or where there are too few
     runs for one, least and most of them; nothing of a single run.
     """
     rows = measured.rows
     table = summarise(rows, kKeys, "seconds_indirect").drop(columns="spread").rename(
         columns={"median": "seconds", "low": "seconds_low", "high": "seconds_high"})
-    for name in [e for e in kErrors if e in rows]:
+    for name in [e for e in kSpread if e in rows]:
         part = summarise(rows, kKeys, name).drop(columns=["spread", "n"]).rename(
             columns={"median": name, "low": f"{name}_low", "high": f"{name}_high"})
         table = table.merge(part, on=kKeys, how="left")
-    for name in ["seconds", *(e for e in kErrors if e in rows)]:
+    for name in ["seconds", *(e for e in kSpread if e in rows)]:
         values = rows.groupby(kKeys)["seconds_indirect" if name == "seconds" else name]
         ends = values.agg(["min", "max"]).where(values.count() > 1).rename(
             columns={"min": f"{name}_from", "max": f"{name}_to"})

@@ -31,12 +31,25 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
         raise InputError(f"{path}: no row has both a difference and a mean")
     if "deterministic" in rows:  # another mode beside the same integrator
         rows["integrator"] += rows["deterministic"].map(lambda on: ", deterministic" if on else "")
+    if "interpolation" in rows:
+        rows["integrator"] += rows["interpolation"].map(
+            lambda level: "" if level == "split_sphere" else f", {str(level).replace('_', ' ')}")
+    if "leak_guard" in rows:
+        rows["integrator"] += rows["leak_guard"].map(lambda on: ", guarded" if on else "")
     return context, rows.astype({"threads": int})
 
 
 def load(paths) -> list[Measured]:
-    """Raises InputError for a file that is none of icbench repeatability."""
-    return pool(paths, _read, "repeatability")
+    """Raises InputError for a file that is none of icbench repeatability, and for files whose settings differ."""
+    found = pool(paths, _read, "repeatability")
+    for one in found:
+        for setting in [n for n in kSettings if n in one.rows]:
+            for (scene, integrator), values in one.rows.groupby(["scene", "integrator"])[setting].unique().items():
+                if len(values) > 1:
+                    raise InputError(f"{one.paths[-1]}: {setting} of {scene} by {integrator} is "
+                                     f"{' and '.join(f'{v:g}' for v in sorted(values))} in these files; draw those of "
+                                     "one setting at a time")
+    return found
 
 
 def points(measured: Measured) -> pd.DataFrame:

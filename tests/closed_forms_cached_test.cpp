@@ -88,6 +88,7 @@ void add_run(const AnyCache::Maker& maker, const RayTracer& rays, Way way, float
   AnyCache::Session session = cache.open_session(0), exact = twin.open_session(0);
   RecordShapes* const shapes = source->shapes();
   RecordShapes exact_shapes = make_shapes(setup);
+  if (shapes != nullptr) exact_shapes.shaper = shapes->shaper;
   Tracer tracer(rays);
   std::uint32_t pixel = 0;
   for (const Known& known : points) {
@@ -105,7 +106,8 @@ void add_run(const AnyCache::Maker& maker, const RayTracer& rays, Way way, float
       RecordDetail& detail = exact_shapes.details[r.id] = shapes->details[r.id];
       if (extrapolates(way.level)) {
         detail.gradients = exact_gradients(known.at);
-        restrain(detail.gradients, r.E, r.R);
+        // As ShapedHemisphereSource::evaluate does.
+        restrain(detail.gradients, r.E, way.level == Interpolation::occlusion_hessian ? rays.epsilon() : r.R);
       }
     }
     ASSERT_EQ(exact.insert(r), InsertResult::inserted);

@@ -166,6 +166,20 @@ class Repeatability(InFolder):
                          ["desk, irradiance cache", "office, irradiance cache"])
         self.assertIn("No difference at all: null.", plate.footnote)
 
+    def test_other_levels_stand_apart_and_other_settings_are_refused(self):
+        first, second = model_repeatability(), model_repeatability()
+        for row in second["benchmarks"]:
+            row |= {"interpolation": "occlusion_hessian", "leak_guard": True, "real_time": 9.0}
+        paths = [write_results(self.folder / "plain.json", first), write_results(self.folder / "ellipses.json", second)]
+        found = repeatability_results.load(paths)[0]
+        self.assertEqual([name for name, _ in repeatability_results.groups(repeatability_results.points(found))],
+                         ["cornell box, irradiance cache", "cornell box, irradiance cache, occlusion hessian, guarded"])
+        for row in first["benchmarks"]:
+            row |= {"accuracy": 0.4, "real_time": 7.0}
+        paths.append(write_results(self.folder / "coarse.json", first))
+        with self.assertRaisesRegex(results.InputError, "accuracy of cornell_box by irradiance_cache is 0.2 and 0.4"):
+            repeatability_results.load(paths)
+
     def test_nothing_is_drawn_where_threads_change_nothing(self):
         path = write_results(self.folder / "same.json", model_repeatability(differences={"null": 0.0}))
         done = self.good("repeatability.py", path, "--out", self.folder)

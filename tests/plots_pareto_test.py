@@ -123,6 +123,12 @@ class Pareto(InFolder):
                     self.assertIn(style.number(least[error]), cell)
                     self.assertIn(f"[{style.number(least[error + '_low'])}, ", cell)
 
+    def test_a_table_has_room_for_times_however_far_apart(self):
+        columns = lambda *seconds: pareto_choice.columns(pareto_choice.pd.Series(seconds))
+        self.assertEqual(columns(0.1, 5.0), [0.1, 0.3, 1, 3, 10])
+        self.assertEqual(columns(0.002, 90.0), [0.01, 0.1, 1, 10, 100])
+        self.assertEqual(columns(1e-6, 90.0), [1e-4, 1e-3, 0.01, 0.1, 1, 10, 100])
+
     def test_what_the_runs_do_not_tell_apart_is_named_and_nothing_else(self):
         one = {"path": [(0.1, 0.1)], "hash_cells": [(0.1, 0.0999)], "instant_gi": [(0.1, 0.5)],
                "late": [(3.0, 0.0999)]}

@@ -31,7 +31,7 @@ struct Wish {
   Interpolation interpolation = Interpolation::split_sphere;
   unsigned threads = 1;
   int width = 32, height = 24;
-  std::uint32_t frames = 1;
+  std::uint32_t frames = 1, spp = 1;
   bool deterministic = true, overture = false;
   std::optional<bool> leak_guard{};
   TileOrder tiles = TileOrder::morton;
@@ -46,6 +46,7 @@ std::vector<Made> render(RayTracer& rays, const Wish& wish) {
   request.vpls = 32;
   request.a = 0.3f;
   request.interpolation = wish.interpolation;
+  request.spp = wish.spp;
   request.deterministic = wish.deterministic;
   request.overture = wish.overture;
   request.leak_guard = wish.leak_guard;
@@ -93,6 +94,7 @@ TEST_P(DeterministicScene, IsTheSameForAnyNumberOfThreads) {
                                     : Interpolation::gradients;
     Wish wish{integrator, "packed_wait_free", level};
     wish.frames = std::string(integrator) == "temporal_instant_caching" ? frames : 1;
+    wish.spp = level == Interpolation::occlusion_hessian ? 3 : 1;
     const std::vector<Made> one = render(rays, wish);
     ASSERT_GT(one.front().records.size(), 0u) << integrator;
     for (const unsigned threads : {2u, 3u, 8u, 64u}) {
@@ -119,8 +121,11 @@ RayTracer& cornell_specular_room() {
 
 TEST(Deterministic, IsTheSameForAnyCache) {
   RayTracer& rays = cornell_specular_room();
-  for (const char* integrator : {"irradiance_cache", "temporal_instant_caching"}) {
-    Wish wish{integrator};
+  for (const auto& [integrator, level] :
+       {std::pair{"irradiance_cache", Interpolation::split_sphere},
+        std::pair{"irradiance_cache", Interpolation::occlusion_hessian},
+        std::pair{"temporal_instant_caching", Interpolation::split_sphere}}) {
+    Wish wish{integrator, "wait_free", level};
     wish.frames = 2;
     const std::vector<Made> first = render(rays, wish);
     for (const CacheEntry& cache : all_caches()) {
@@ -225,10 +230,12 @@ TEST(Overlap, LaterRecordsOfTheTileCountAtAllHitsButThoseOfRecords) {
   for (const char* scene : {"cornell_box", "cornell_specular"}) {
     RayTracer rays(make_scene(scene));
     for (const Interpolation level : {Interpolation::geometric_hessian, Interpolation::occlusion_hessian})
-      for (const bool deterministic : {false, true}) {
+      for (const auto& [deterministic, guard] :
+           {std::pair{false, false}, std::pair{false, true}, std::pair{true, false}, std::pair{true, true}}) {
         Wish wish;
         wish.interpolation = level;
         wish.deterministic = deterministic;
+        wish.leak_guard = guard;
         wish.threads = deterministic ? 3 : 1;
         wish.width = wish.height = kFrameTile;
         const Made made = render(rays, wish).front();
@@ -242,10 +249,8 @@ TEST(Overlap, LaterRecordsOfTheTileCountAtAllHitsButThoseOfRecords) {
         std::size_t differing = 0;
         for (std::uint32_t pixel = 0; pixel < made.pixels.size(); ++pixel) {
           bool has_record = false;
-          for (std::uint32_t layer = 0; layer < primary.layers(); ++layer) {
-            if (layer > 0 && (primary.is_plain() || primary.extra[pixel].size() < layer)) continue;
+          for (std::uint32_t layer = 0; layer < primary.layers_of(pixel); ++layer)
             for (const Record& r : made.records) has_record |= r.p == primary.at(pixel, layer).hit.p;
-          }
           if (same_bits<glm::vec3>({made.pixels[pixel]}, {every_record.pixels[pixel]})) continue;
           EXPECT_TRUE(has_record) << scene << ", pixel " << pixel;
           ++differing;

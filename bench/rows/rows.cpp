@@ -190,7 +190,8 @@ void add_pictures(std::vector<Row>& rows) {
     for (const auto& [suffix, which] :
          {std::pair{"", DeterministicFrame{"irradiance_cache", "gradients", 1}},
           std::pair{"_ic", DeterministicFrame{"instant_caching", "gradients", 1}},
-          std::pair{"_ellipses", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 16}}}) {
+          std::pair{"_ellipses", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 16}},
+          std::pair{"_ellipses_once", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 1}}}) {
       add(fmt::format("deterministic{}_{}", suffix, scene),
           fmt::format(
               "indirect time of a frame of {} by {}, {}, {} a pixel: --deterministic / left to itself", scene,

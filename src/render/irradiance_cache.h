@@ -171,8 +171,8 @@ concept ToldOfQueries = requires(Session s, const SurfacePoint& x) {
   s.asked(x, true);
 };
 
-/// Whether a record that is extrapolated counts at a point, where the cache is asked for it.
-inline bool brings_something(const RecordShapes& shapes, const Record& r, const SurfacePoint& at) noexcept {
+/// Whether a record with an ellipse counts at a point, be it behind what the guard against leaks finds between them.
+inline bool counts_at(const RecordShapes& shapes, const Record& r, const SurfacePoint& at) noexcept {
   const float accuracy = search_reach(shapes.shaper.level()) * shapes.shaper.a();
   const float weight = split_sphere_weight(at, r, accuracy);
   return weight > 0.0f && Extrapolator(shapes, at).of(r, weight).w > 0.0f;
@@ -193,13 +193,13 @@ class OverlappedHits {
   /// A new record is in the cache.
   void note(const Record& r) noexcept {
     for (OverlappedHit& hit : hits_) {
-      if (hit.state == State::answered && brings_something(shapes_, r, {hit.x.hit.p, hit.x.hit.n}))
+      if (hit.state == State::answered && counts_at(shapes_, r, {hit.x.hit.p, hit.x.hit.n}))
         hit.state = State::outdated;
     }
   }
 
-  /// Calls show(visible, irradiance) for every hit in the order in which they were added, for those to which new records
-  /// bring something with irradiance_at(visible) instead of the irradiance that they were added with.
+  /// Calls show(visible, irradiance) for every hit in the order in which they were added; those that new records count at
+  /// have irradiance_at(visible) instead of what they were added with.
   template <class IrradianceAt, class Show>
   void show_all(IrradianceAt&& irradiance_at, Show&& show) const {
     for (const OverlappedHit& hit : hits_)
@@ -218,16 +218,21 @@ class OverlappedHits {
   std::vector<OverlappedHit> hits_;
 };
 
+/// Whether hits of a tile ask once more when records that count there came later: not if all were made before.
+enum class AskAgain : std::uint8_t { where_outdated, never };
+
 /// Indirect radiance at the stored hits of a tile, through the cache. Pixels that reflect nothing are 0 and ask
 /// nothing. `thread` is the caller's, for the source; rays are counted in `tracer`. Out of memory ends the program.
 template <class Session>
 void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thread, Tracer& tracer,
                            const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
-                           Image& indirect, CacheUse& use) noexcept {
+                           Image& indirect, CacheUse& use,
+                           AskAgain ask_again = AskAgain::where_outdated) noexcept {
   const bool telling = source.wants_use();
   const RecordShapes* shapes = source.shapes();
   std::optional<OverlappedHits> overlapped;
-  if (shapes != nullptr && is_elliptic(shapes->shaper.level())) overlapped.emplace(*shapes, tile);
+  if (ask_again == AskAgain::where_outdated && shapes != nullptr && is_elliptic(shapes->shaper.level()))
+    overlapped.emplace(*shapes, tile);
   const auto answer = [&](const SurfacePoint& at) noexcept {
     if (shapes == nullptr)
       return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
@@ -273,7 +278,8 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
       overlapped->add_own(x, E);
   });
   if (!overlapped) return;
-  // Another record may let the guard against leaks pass over the only one that covered a hit.
+  // Such a record may be worth so much that the guard against leaks no longer asks for the only one that covered the hit,
+  // which then makes another; those that were shown by then do without it.
   const auto irradiance_at = [&](const Visible& x) noexcept {
     const std::optional<Irradiance> E = ask(x);
     return E ? *E : make_record(x);

@@ -60,6 +60,10 @@ struct PrimaryHits {
   std::uint32_t layers() const noexcept;                    ///< the most hits that any pixel has, at least 1
   std::size_t count() const noexcept;                       ///< hits of all pixels, missed ones included
 
+  /// How many hits the pixel has, at least 1.
+  std::uint32_t layers_of(std::uint32_t pixel) const noexcept {
+    return is_plain() ? 1 : 1 + static_cast<std::uint32_t>(extra[pixel].size());
+  }
   /// The hit of a layer that the pixel has.
   inline Visible at(std::uint32_t pixel, std::uint32_t layer) const noexcept;
 };
@@ -129,8 +133,7 @@ void for_each_visible(const Tile& tile, const PrimaryHits& primary, EachPixel&& 
     return;
   }
   each_pixel(tile, primary.width, [&](std::uint32_t pixel) {
-    const auto layers = 1 + static_cast<std::uint32_t>(primary.extra[pixel].size());
-    for (std::uint32_t layer = 0; layer < layers; ++layer) f(primary.at(pixel, layer));
+    for (std::uint32_t layer = 0; layer < primary.layers_of(pixel); ++layer) f(primary.at(pixel, layer));
   });
 }
 

@@ -18,7 +18,7 @@ namespace icbench {
 
 /// What threads did to a cache.
 struct CacheUse {
-  std::uint64_t queries = 0;
+  std::uint64_t queries = 0;   ///< a hit of a pixel that asks again counts once more
   std::uint64_t hits = 0;      ///< queries answered by the cache; each of the others made a record
   std::uint64_t inserts = 0;   ///< accepted
   std::uint64_t full = 0;      ///< refused: out of capacity

@@ -120,27 +120,28 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
   }
   stage_ = 0;
   const RecordShapes* const shapes = source_.shapes();
-  const Frame frame{cache, primary, key, out, shapes != nullptr && is_elliptic(shapes->shaper.level())};
+  const bool overlaps = shapes != nullptr && is_elliptic(shapes->shaper.level());
+  const Frame frame{cache, primary, key, out, overlaps && !overture};
   for (Worker& w : workers_) w.made.clear();
   Steps steps(crew_.size());
   crew_.run([&](unsigned index, Tracer& tracer) {
     const Thread t{frame, steps, index, tracer};
     if (key.sample == 0) {
       for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
-        ask(t, spacing, Lattice::added);
+        ask(t, spacing, Which::added);
         answer_misses(t);
       }
     } else {  // nearly all records are there
-      ask(t, 1, Lattice::all);
+      ask(t, 1, Which::all);
       answer_misses(t);
     }
     if (overture) {
-      ask(t, 1, Lattice::all);
-      answer_misses(t);  // if the cache was full
-    } else if (frame.overlaps) {
+      ask(t, 1, Which::all);
+      answer_misses(t);  // if the cache was full, or as below
+    } else if (frame.asks_again) {
       steps.end([&] { gather_made(); });
-      ask(t, 1, Lattice::outdated);
-      answer_misses(t);  // if a record let the guard against leaks pass over the only one that covered a hit
+      ask(t, 1, Which::outdated);
+      answer_misses(t);  // where the guard no longer asks for the only record that covered a hit
     }
   });
 }
@@ -165,24 +166,24 @@ void Waves::answer_misses(const Thread& t) {
 }
 
 // Pixels that find no record are left 0, but for the layers that do.
-void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
-  const auto& [cache, primary, key, out, overlaps] = t.frame;
+void Waves::ask(const Thread& t, unsigned spacing, Which which) {
+  const auto& [cache, primary, key, out, asks_again] = t.frame;
   const std::size_t grain = std::max<std::size_t>(1, spacing * spacing / 16);
   const std::uint32_t edge = edge_of_blocks(spacing);
   Worker& w = workers_[t.index];
   w.answers.guard_by(t.tracer, w.use.leaks);
   t.steps.share(tiles_.size(), grain, [&](std::size_t i) {
-    if (lattice == Lattice::outdated) {
-      find_made_in(tiles_[i], w.here);
-      if (w.here.empty()) return;
+    if (which == Which::outdated) {
+      find_made_in(tiles_[i], w.made_here);
+      if (w.made_here.empty()) return;
     }
     w.points.clear();
     w.asked.clear();
     const auto each_pixel = [&](const Tile& tile, int width, auto&& f) {
       for_each_pixel(tile, width, [&](std::uint32_t pixel) {
         const auto row = static_cast<std::uint32_t>(width);
-        if (lattice == Lattice::added && !is_added(pixel % row, pixel / row, spacing)) return;
-        if (lattice == Lattice::outdated && !is_outdated(t.frame, pixel, w.here)) return;
+        if (which == Which::added && !is_added(pixel % row, pixel / row, spacing)) return;
+        if (which == Which::outdated && !is_outdated(t.frame, pixel, w.made_here)) return;
         asked_[pixel] = stage_;
         f(pixel);
       });
@@ -190,8 +191,8 @@ void Waves::ask(const Thread& t, unsigned spacing, Lattice lattice) {
     for_each_visible(tiles_[i], primary, each_pixel, [&](const Visible& x) {
       if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
       if (!reflects(rays_, x.hit)) return;
-      if (lattice == Lattice::outdated) {
-        if (const Made* own = made_at(x.pixel, x.layer)) {
+      if (which == Which::outdated) {
+        if (const Made* own = made_at(x.pixel, x.layer, w.made_here)) {
           show(t.frame, x.pixel, x.layer, own->record.E);
           return;
         }
@@ -237,36 +238,36 @@ void Waves::gather_made() {
   });
 }
 
-void Waves::find_made_in(const Tile& tile, std::vector<const Made*>& here) const {
-  here.clear();
+void Waves::find_made_in(const Tile& tile, std::vector<const Made*>& made_here) const {
+  made_here.clear();
   const auto width = static_cast<std::uint32_t>(width_);
   const auto x0 = static_cast<std::uint32_t>(tile.x0), x1 = static_cast<std::uint32_t>(tile.x1);
   for (auto y = static_cast<std::uint32_t>(tile.y0); y < static_cast<std::uint32_t>(tile.y1); ++y) {
     const auto first = std::lower_bound(made_.begin(), made_.end(), y * width + x0,
                                         [](const Made& m, std::uint32_t pixel) { return m.pixel < pixel; });
-    for (auto m = first; m != made_.end() && m->pixel < y * width + x1; ++m) here.push_back(&*m);
+    for (auto m = first; m != made_.end() && m->pixel < y * width + x1; ++m) made_here.push_back(&*m);
   }
 }
 
-const Waves::Made* Waves::made_at(std::uint32_t pixel, std::uint32_t layer) const noexcept {
+const Waves::Made* Waves::made_at(std::uint32_t pixel, std::uint32_t layer,
+                                  std::span<const Made* const> made_here) noexcept {
   const auto found = std::lower_bound(
-      made_.begin(), made_.end(), Asked{pixel, layer}, [](const Made& m, const Asked& asked) {
-        return std::tie(m.pixel, m.layer) < std::tie(asked.pixel, asked.layer);
+      made_here.begin(), made_here.end(), Asked{pixel, layer}, [](const Made* m, const Asked& asked) {
+        return std::tie(m->pixel, m->layer) < std::tie(asked.pixel, asked.layer);
       });
-  return found != made_.end() && found->pixel == pixel && found->layer == layer ? &*found : nullptr;
+  return found != made_here.end() && (*found)->pixel == pixel && (*found)->layer == layer ? *found : nullptr;
 }
 
 bool Waves::is_outdated(const Frame& frame, std::uint32_t pixel,
-                        std::span<const Made* const> here) const noexcept {
-  const RecordShapes& shapes = *source_.shapes();
-  const PrimaryHits& primary = frame.primary;
-  const auto layers = primary.is_plain() ? 1u : 1u + static_cast<std::uint32_t>(primary.extra[pixel].size());
-  for (std::uint32_t layer = 0; layer < layers; ++layer) {
-    const Hit& hit = primary.at(pixel, layer).hit;
-    if (!reflects(rays_, hit) || made_at(pixel, layer) != nullptr) continue;
-    for (const Made* m : here)
-      if (m->is_stored && m->stage >= asked_[pixel] && brings_something(shapes, m->record, {hit.p, hit.n}))
+                        std::span<const Made* const> made_here) const noexcept {
+  for (std::uint32_t layer = 0; layer < frame.primary.layers_of(pixel); ++layer) {
+    const Hit& hit = frame.primary.at(pixel, layer).hit;
+    if (!reflects(rays_, hit) || made_at(pixel, layer, made_here) != nullptr) continue;
+    for (const Made* m : made_here) {
+      if (m->is_stored && m->stage >= asked_[pixel] &&
+          counts_at(*source_.shapes(), m->record, {hit.p, hit.n}))
         return true;
+    }
   }
   return false;
 }
@@ -312,7 +313,7 @@ void Waves::make(const Thread& t, const Run& run) {
     w.use.count(result);
     source_.settle(t.index, record, result);
     if (result == InsertResult::inserted) w.own.push_back(record);
-    if (frame.overlaps)
+    if (frame.asks_again)
       w.made.push_back({m.pixel, m.layer, stage_, result == InsertResult::inserted, record});
   }
 }
@@ -344,7 +345,8 @@ void Waves::keep_unanswered(const Frame& frame) {
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
       show(frame, misses_[i].pixel, misses_[i].layer, *replies_[i].E);
-      if (frame.primary.is_plain()) asked_[misses_[i].pixel] = stage_;
+      // Other hits of the pixel may have been answered before.
+      if (frame.primary.layers_of(misses_[i].pixel) == 1) asked_[misses_[i].pixel] = stage_;
     } else {
       misses_[left] = misses_[i];
       misses_[left++].most_R = replies_[i].most_R;

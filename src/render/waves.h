@@ -17,8 +17,9 @@
 //
 // Later samples of a pixel find nearly all records made, and take one wave of all pixels.
 //
-// Where records overlap, those hits ask once more in the end to which records that their tile got later bring something,
-// as in a free-running pass (render/irradiance_cache.h).
+// Where records overlap, the hits of those pixels ask once more in the end at which records count that their tile got
+// later, as in a free-running pass (render/irradiance_cache.h), but for those that a record was made at. After an overture,
+// which asks all again, nothing is left to do.
 //
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.
@@ -171,16 +172,17 @@ class Waves {
     std::vector<Reply> replies;
     std::vector<Asked> asked;
     std::vector<Miss> missed;
-    std::vector<Record> own;        // made for this run
-    std::vector<Made> made;         // in this sample
-    std::vector<const Made*> here;  // of these, in one tile
+    std::vector<Record> own;             // made for this run
+    std::vector<Made> made;              // in this sample
+    std::vector<const Made*> made_here;  // of these, in one tile
     CacheUse use;
   };
 
-  enum class Lattice : std::uint8_t {
-    added,    // the pixels that a spacing adds to those of twice the spacing
-    all,      // pixels
-    outdated  // those to which records bring something that their tile got later
+  // Which pixels ask.
+  enum class Which : std::uint8_t {
+    added,  // those that a spacing adds to those of twice the spacing
+    all,
+    outdated  // those at which records count that their tile got later
   };
 
   // What is rendered, and where.
@@ -189,7 +191,7 @@ class Waves {
     const PrimaryHits& primary;
     const SampleKey& key;
     Image& out;
-    bool overlaps;  // whether records do
+    bool asks_again;  // hits do, where they are outdated
   };
   // A thread of the crew within a frame: all go through the same steps.
   struct Thread {
@@ -199,7 +201,7 @@ class Waves {
     Tracer& tracer;
   };
 
-  void ask(const Thread& t, unsigned spacing, Lattice lattice);
+  void ask(const Thread& t, unsigned spacing, Which which);
   void answer_misses(const Thread& t);
   void make(const Thread& t, const Run& run);
   void ask_again(const Thread& t);
@@ -210,10 +212,12 @@ class Waves {
   void choose_runs();
   void keep_unanswered(const Frame& frame);
 
-  void find_made_in(const Tile& tile, std::vector<const Made*>& here) const;
-  const Made* made_at(std::uint32_t pixel, std::uint32_t layer) const noexcept;
-  /// `here`: what was made in its tile.
-  bool is_outdated(const Frame& frame, std::uint32_t pixel, std::span<const Made* const> here) const noexcept;
+  // Of a tile, in order of pixel and layer; and which of them was made at a hit, if one was.
+  void find_made_in(const Tile& tile, std::vector<const Made*>& made_here) const;
+  static const Made* made_at(std::uint32_t pixel, std::uint32_t layer,
+                             std::span<const Made* const> made_here) noexcept;
+  bool is_outdated(const Frame& frame, std::uint32_t pixel,
+                   std::span<const Made* const> made_here) const noexcept;
   void show(const Frame& frame, std::uint32_t pixel, std::uint32_t layer, const Irradiance& E) const noexcept;
 
   const RayTracer& rays_;
@@ -222,14 +226,13 @@ class Waves {
   std::vector<Tile> tiles_;  // of images of this size:
   int width_ = 0, height_ = 0;
   std::vector<Worker> workers_;
-  std::vector<Miss> misses_;    // in order of block and rank
-  std::vector<Reply> replies_;  // for each
-  std::vector<Run> runs_;       // of this round
-  std::uint32_t colour_ = 0;    // of blocks in the next round
-  // Where records overlap:
+  std::vector<Miss> misses_;          // in order of block and rank
+  std::vector<Reply> replies_;        // for each
+  std::vector<Run> runs_;             // of this round
+  std::uint32_t colour_ = 0;          // of blocks in the next round
   std::uint32_t stage_ = 0;           // how often records were published in this sample
-  std::vector<std::uint32_t> asked_;  // the stage at which a pixel was asked for last
-  std::vector<Made> made_;            // by pixel and layer
+  std::vector<std::uint32_t> asked_;  // the stage at which a pixel was asked for last, or an earlier one
+  std::vector<Made> made_;            // in this sample, where hits ask again, in order of pixel and layer
 };
 
 }  // namespace icbench

@@ -83,7 +83,8 @@ class CachedPass : public IndirectPass, protected WaveCache {
             const Tile& tile, Image& out) noexcept override {
     if (waves_) return;  // all at once, at the end
     Worker& w = *workers_[thread];
-    irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use);
+    irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use,
+                          has_overture_ ? AskAgain::never : AskAgain::where_outdated);
   }
 
   void end_sample(const PrimaryHits& primary, Image& out) override {

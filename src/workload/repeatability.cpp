@@ -85,6 +85,7 @@ FrameRequest RepeatabilityStudy::request_of(const RepeatabilityPoint& point) {
   r.seed = f.seed;
   r.deterministic = f.deterministic;
   r.overture = f.overture;
+  r.leak_guard = f.leak_guard;
   return r;
 }
 
@@ -135,6 +136,8 @@ Entry RepeatabilityStudy::run(const RepeatabilityPoint& point, unsigned repetiti
   c["mechanism"] = point.cache->traits.mechanism;
   c["single_thread"] = point.cache->traits.single_thread;
   c["oversubscribed"] = point.threads > topology_.units().size();
+  c["interpolation"] = icbench::name_of(f.interpolation);
+  c["leak_guard"] = guards_against_leaks(f);
   c["accuracy"] = shortest_decimal(f.a);
   c[integrator.uses_vpls ? "vpls" : "rays_per_record"] = integrator.uses_vpls ? f.vpls : f.gather;
   c["width"] = f.width;
