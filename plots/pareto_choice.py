@@ -187,9 +187,9 @@ def _notes(everything: pd.DataFrame) -> str:
 
 def another() -> str:
     """How to ask for what was not measured."""
-    return ('<p class="note">For another scene, size or machine: <code>icbench pareto --scene NAME --size 640x480 --out '
-            "pareto.json</code> (or a scene file in place of the name), then <code>plots/report.py</code> with the "
-            "file.</p>")
+    return ('<p class="note">For another scene, size or machine: <code>icbench pareto --scene NAME --size 640x480 '
+            "--out pareto.json</code> (or a scene file in place of the name), then <code>plots/report.py</code> with "
+            "the file.</p>")
 
 
 def section(measured: Measured, everything: pd.DataFrame) -> str:

@@ -90,8 +90,8 @@ def on_front(seconds, error) -> np.ndarray:
 def points(measured: Measured) -> pd.DataFrame:
     """One line per setting: medians with intervals, bias and deviation of its runs, and its fronts, `front_ERROR`.
 
-    Of seconds, errors and the mean ratio the spread of its runs as well, `X_from` and `X_to`: the interval, or where there are too few
-    runs for one, least and most of them; nothing of a single run.
+    Of seconds, errors and the mean ratio the spread of its runs as well, `X_from` and `X_to`: the interval, or where
+    there are too few runs for one, least and most of them; nothing of a single run.
     """
     rows = measured.rows
     table = summarise(rows, kKeys, "seconds_indirect").drop(columns="spread").rename(

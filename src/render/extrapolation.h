@@ -55,8 +55,8 @@
 // extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a
 // record to count within its ellipse alone, most points would have one or two, on the side where the first ray happened
 // to arrive, and corners, extrapolated from the open, would be too bright. R is that of the last point where a record
-// counts. A pixel that has had its answer when a record of its tile is made that counts there asks again, unless it has a
-// record of its own (render/irradiance_cache.h); what other tiles' records would bring to it later, it does without.
+// counts. A pixel that has had its answer when a record of its tile is made that counts there asks again, unless it has
+// a record of its own (render/irradiance_cache.h); what other tiles' records would bring later, it does without.
 //
 // Gradients are trusted as far as they do not promise too much. By geometry alone, as without ellipses, they are cut
 // down once and for all, so that E changes by a share search_reach a at most on the whole way to where the record ends
