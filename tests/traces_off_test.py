@@ -48,8 +48,7 @@ struct Told {
   InsertResult insert(const Record& r) noexcept;
   void asked(const SurfacePoint&, bool) noexcept { ++queries; }
 };
-template void icbench::irradiance_cache_tile<Told>(Told&, RecordSource&, unsigned, Tracer&, const PrimaryHits&,
-                                                   const SampleKey&, const Tile&, Image&, CacheUse&) noexcept;
+auto tile_of_told = &irradiance_cache_tile<Told>;
 """
 CACHE = "PackedWaitFree"
 
