@@ -11,7 +11,7 @@ from pareto_results import Measured
 from tables import interval, note_line, table, text
 
 kTitle = "Why the winner wins"
-kLead = ("<p>All caches of this suite answer with the same records. What differs is how much they have to read to find "
+kLead = ("<p>The structures below answer with the same records. What differs is how much they have to read to find "
          "them, and in how many waits for memory. Below, the structure of the thesis becomes the packed octree in "
          "steps, with one thread and without any lock, so that nothing but the structure counts; the figure "
          "“Structure or mechanism” sets beside it what mechanisms do on top.</p>")

@@ -47,8 +47,15 @@ TEST_P(Contract, LargePagesAreAskedForAsToldAndChangeNoAnswer) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   const auto records = random_records(300, 1);
   const std::optional<int> before = mappings_on_large_pages();
-  for (const LargePages pages : {LargePages::never, LargePages::when_large, LargePages::always}) {
-    CacheConfig c = config();
+  constexpr std::uint32_t kLarge = 1u << 16;
+  struct Asked {
+    LargePages pages;
+    std::uint32_t capacity;
+  };
+  for (const auto& [pages, capacity] :
+       {Asked{LargePages::never, kLarge + 1}, Asked{LargePages::when_large, kLarge},
+        Asked{LargePages::when_large, kLarge + 1}, Asked{LargePages::always, 1000}}) {
+    CacheConfig c = config(capacity);
     c.large_pages = pages;
     AnyCache cache(GetParam(), c);
     auto session = cache.open_session(0);
@@ -59,9 +66,8 @@ TEST_P(Contract, LargePagesAreAskedForAsToldAndChangeNoAnswer) {
       ASSERT_EQ(seen(session, x), oracle(records, x, c.a)) << "query " << i;
     }
     if (!before || GetParam().traits.structure != "packed") continue;
-    const bool asks =
-        pages == LargePages::always || (pages == LargePages::when_large && c.capacity > 1u << 16);
-    EXPECT_EQ(*mappings_on_large_pages() > *before, asks) << static_cast<int>(pages);
+    const bool asks = pages == LargePages::always || (pages == LargePages::when_large && capacity > kLarge);
+    EXPECT_EQ(*mappings_on_large_pages() > *before, asks) << static_cast<int>(pages) << ' ' << capacity;
   }
 }
 

@@ -106,6 +106,9 @@ class Faults : public Contract {
   /// Every allocation in release builds, some of them where that would take minutes.
   static constexpr std::uint64_t kStride = kSanitized ? 7 : 1;
 
+  /// More than are inserted, and so many that the packed octree's grid has bricks to allocate.
+  static constexpr std::uint32_t kCapacity = 4000;
+
   /// The cache holds exactly `expected`, and every query agrees.
   static void expect_exactly(const AnyCache& cache, AnyCache::Session& session,
                              const std::vector<Record>& expected) {
@@ -128,6 +131,7 @@ INSTANTIATE_TEST_SUITE_P(FaultyCaches, Faults,
                          ::testing::Values(faulty<Sequential>(), faulty<NodeLockCache>(),
                                            faulty<LocalWriteCache>(), faulty<WaitFree>(),
                                            faulty<WaitFreeSnapshot>(), faulty<PackedWaitFree>(),
+                                           faulty<PackedWaitFreeSnapshot>(), faulty<PackedNodeLock>(),
                                            faulty<PackedLocalWrite>()),
                          cache_name);
 
@@ -135,7 +139,7 @@ TEST_P(Faults, OneRefusedAllocationIsOneRefusedInsert) {
   const auto records = records_of_all_allocations();
   for (std::uint64_t k = 0;; k += kStride) {
     SCOPED_TRACE("allocation " + std::to_string(k));
-    AnyCache cache(GetParam(), config(2000));
+    AnyCache cache(GetParam(), config(kCapacity));
     auto session = cache.open_session(0);
     std::vector<Record> accepted;
     std::optional<Record> refused;
@@ -172,7 +176,7 @@ TEST_P(Faults, NothingIsLostWhenAllLaterAllocationsAreRefused) {
   const auto records = records_of_all_allocations();
   for (std::uint64_t k = 0;; k += kStride) {
     SCOPED_TRACE("from allocation " + std::to_string(k));
-    AnyCache cache(GetParam(), config(2000));
+    AnyCache cache(GetParam(), config(kCapacity));
     auto session = cache.open_session(0);
     std::vector<Record> accepted, refused;
     Refusals::refuse(k, UINT64_MAX);

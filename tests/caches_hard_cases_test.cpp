@@ -314,6 +314,10 @@ TEST_P(HardCases, AHundredThousandCoincidentRecordsOrMoreOnASmallStack) {
       E = session.query(x);
     };
     run_on_stack(kStackBytes, work);
+    std::vector<std::optional<Irradiance>> answers(20);
+    auto ask_batch = [&] { session.query_batch(std::vector(answers.size(), x), answers); };
+    run_on_stack(2 * kStackBytes, ask_batch);
+    for (const std::optional<Irradiance>& answer : answers) EXPECT_EQ(answer, E) << "radius " << R;
     EXPECT_EQ(inserted, records) << "radius " << R;
     EXPECT_EQ(visits, records) << "radius " << R;
     EXPECT_EQ(std::count(is_seen.begin(), is_seen.end(), true), records) << "radius " << R;

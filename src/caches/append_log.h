@@ -7,6 +7,10 @@
 // tests them all, one after the other, by a distance first. That is the price of an unsorted log: a query slows down
 // with every record that its own session has inserted in the frame, and not with anybody else's.
 //
+// The structure is the octree that grows, not its read-only form: end_frame adds what is new, on one thread, where that
+// form would have to be built anew from all records. Queries take as long as the octree's own; on an image those to the
+// read-only form are faster, by what packed_live_over_frozen says (bench/MEASURED.md).
+//
 // Consistency: frame (own inserts at once, everybody's after end_frame; before an update of records, too).
 //
 // Progress: a query is wait-free; it takes the steps that reading the structure takes (visit_steps), and reads memory

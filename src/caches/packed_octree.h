@@ -42,8 +42,10 @@
 //   P1  insert: mark store release -> visit: mark load acquire; publishes the record. The query acquired the lane
 //       first; a record that is seen has all its lanes published before, so that no later query misses it anywhere.
 //
-//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, and where they are,
-//       which whoever wrote the lane had acquired. A fetch_add by another insert is in its release sequence.
+//   P6  insert: mask fetch_add release -> visit: mask load acquire; publishes the lane's words, where they are, which
+//       whoever wrote the lane had acquired, and the record behind it, which is written before its first lane (step 3):
+//       vectors load whole groups of records, those that are not marked yet among them, and use what is marked. A
+//       fetch_add by another insert is in its release sequence.
 //
 // Progress (StdSync), in steps on shared memory. Every loop is over levels, children, strips or an extent read once.
 //

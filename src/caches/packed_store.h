@@ -342,7 +342,7 @@ struct PackedStore {
   template <class Counters, class F>
   void show(const ShownRecords& shown, std::uint32_t n, const SurfacePoint& x, float a, Counters& counters,
             F&& f) noexcept {
-    for (std::uint32_t k = 0; k < n; ++k) Sync::reads(shown[k], sizeof(Record));
+    for (const Record* record : shown) Sync::reads(record, sizeof *record);  // vectors load all of them (P6)
     const std::uint32_t valid = show_valid(kernels, x, a, shown, n, f);
     counters.template add<&Counts::records_read>(n);
     counters.template add<&Counts::records_valid>(valid);

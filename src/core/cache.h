@@ -136,7 +136,8 @@ concept CacheSession = requires(S s, const SurfacePoint& x, const Record& r,
   // The interpolated irradiance; nullopt exactly when no record is valid at x.
   { s.query(x) }
   noexcept->std::same_as<std::optional<Irradiance>>;
-  // query for each of `points`; `out` has the same length.
+  // query for each of `points`; `out` has the same length. The packed octree has sixteen under way at once, for which
+  // it takes some 75 kB of stack; a query alone takes less than 64.
   { s.query_batch(points, out) }
   noexcept;
   { s.insert(r) }
@@ -193,7 +194,8 @@ concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config
   {c.update_records([](Record&) noexcept { return UpdateResult::keep; })};
   // f(const Record&) for every record once, one after the other.
   {view.for_each_record([](const Record&) {})};
-  // Memory taken from the system for records and nodes so far, bytes.
+  // Bytes handed out to records and nodes so far. Resident is more where large pages are used in part, or memory was
+  // touched ahead.
   { view.memory_bytes() } -> std::same_as<std::size_t>;
   // Contention counters summed over all sessions; all zero when the cache is built with NoCounters.
   { view.counters() } -> std::same_as<Counts>;

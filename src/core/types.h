@@ -11,6 +11,10 @@
 #include <glm/vec3.hpp>
 #include <type_traits>
 
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "icbench rejects NaNs and infinities by comparisons, which -ffinite-math-only takes away"
+#endif
+
 namespace icbench {
 
 /// Diffuse irradiance E, RGB, W/m^2; finite and not negative wherever a cache returns it.
