@@ -321,6 +321,21 @@ TEST(ImportGltf, WhatIsLeftOutIsNamedOnce) {
             1);
 }
 
+TEST(ImportGltf, WhatIsApproximatedIsNamed) {
+  GltfFile f = spinning_cube();
+  f.doc["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = 1.0;
+  f.doc["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = 0.4;
+  f.doc["materials"][1]["alphaMode"] = "BLEND";
+  f.doc["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = {1.0, 1.0, 1.0, 0.3};
+  f.doc["scenes"] = json::array({f.doc["scenes"][0], f.doc["scenes"][0]});
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "gloss of rough metals"));
+  EXPECT_TRUE(has_note(imported, "alpha below 0.5 count as glass"));
+  EXPECT_TRUE(has_note(imported, "scenes beside the one that is shown"));
+  const ImportedScene plain = import_gltf(spinning_cube());
+  for (const char* note : {"gloss", "as glass", "scenes beside"}) EXPECT_FALSE(has_note(plain, note)) << note;
+}
+
 TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {
   const TemporaryFolder folder;
   write(folder / "cube.gltf", grey_cube().text());

@@ -57,7 +57,7 @@ class Job:
 
 class Store:
     """The finished jobs of an output folder. `build` identifies the program; `fingerprints` the looks of
-    scenes.
+    scenes, without which there are no references.
     """
     def __init__(self, icbench: Path, folder: Path, references: Path, build: str):
         self.icbench, self.folder, self.references, self.build = icbench, folder, references, build
@@ -69,7 +69,7 @@ class Store:
         if job not in self._identities:
             parts = [
                 list(job.arguments), job.repetition,
-                self.fingerprints[job.scene] if job.is_reference else self.build,
+                self.fingerprints[job.scene] if job.is_reference else [self.build, self.fingerprints.get(job.scene)],
                 [[i.name, self.identity(i.job), i.path] for i in job.inputs]
             ]
             self._identities[job] = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]

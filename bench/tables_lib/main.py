@@ -10,11 +10,13 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 from pathlib import Path
 
 import options
@@ -33,6 +35,13 @@ kProbe = ("--integrator", "path", "--size", "48x36", "--spp", "4", "--seed", "1"
 
 def say(text: str) -> None:
     print(f"bench/tables: {text}", file=sys.stderr, flush=True)
+
+
+def files_named_by(file: Path) -> list[Path]:
+    """Files that a scene file names by a path from where it is: buffers, pictures, materials."""
+    words = re.findall(rb"[\w%./-]+\.\w+", file.read_bytes())
+    names = {urllib.parse.unquote(word.decode("ascii")) for word in words}
+    return sorted(file.parent / name for name in names if (file.parent / name).is_file())
 
 
 class Run:
@@ -58,11 +67,20 @@ class Run:
                 [] if wanted else [n for n in all_ if n not in self.known])
 
     def fingerprint(self, scene: str) -> str:
-        """How the scene looks to this program's path tracer: references of other looks are not used. Raises
-        JobFailed.
+        """How the scene looks to this program's path tracer, in the first frame and the last, or what its file
+        and those that it names hold as well: results of other looks are not used. Raises JobFailed.
         """
+        looks = hashlib.sha256(self._look(scene, 0))
+        if scene not in self.known:
+            for file in [Path(scene), *files_named_by(Path(scene))]:
+                looks.update(file.read_bytes())
+        elif scene not in kStills:
+            looks.update(self._look(scene, self.settings.scale.frames - 1))
+        return looks.hexdigest()[:16]
+
+    def _look(self, scene: str, frame: int) -> bytes:
         with tempfile.TemporaryDirectory(prefix="icbench-tables-") as folder:
-            command = [str(self.settings.icbench), "render", "--scene", scene, *kProbe]
+            command = self._probe(scene, frame)
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
                                   stdin=subprocess.DEVNULL)
             probe = Path(folder) / "probe.exr"
@@ -70,7 +88,20 @@ class Run:
                 said = done.stderr.strip().splitlines()
                 raise JobFailed(
                     f"{shlex.join(command)}: status {done.returncode}: {said[-1] if said else 'no message'}")
-            return hashlib.sha256(probe.read_bytes()).hexdigest()[:16]
+            return probe.read_bytes()
+
+    def _probe(self, scene: str, frame: int) -> list[str]:
+        return [str(self.settings.icbench), "render", "--scene", scene, "--frame", str(frame), *kProbe]
+
+    def _moves(self, scene: str) -> bool:
+        """Whether it is an animation: a file is one if it has a second frame."""
+        if scene in self.known:
+            return scene not in kStills
+        try:
+            self._look(scene, 1)
+        except JobFailed:
+            return False
+        return True
 
     def start(self) -> tuple[dict[str, Plan], Progress]:
         """First plans of all scenes that render at all; those without a chosen number of VPLs are counted
@@ -84,7 +115,7 @@ class Run:
             except JobFailed as error:
                 self._failed(scene, "first look", str(error))
                 continue
-            is_animation = scene not in kStills
+            is_animation = self._moves(scene)
             plan = plans[scene] = self.planner.start(scene, is_animation)
             progress.expect(
                 scene,

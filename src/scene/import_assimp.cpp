@@ -99,6 +99,10 @@ class AssimpReader {
     } else if (metallic >= 0.5f && number(AI_MATKEY_ROUGHNESS_FACTOR, 1.0f) <= 0.1f) {
       m.surface = Surface::mirror;
     }
+    aiColor3D gloss(0.0f, 0.0f, 0.0f);
+    if (m.surface == Surface::diffuse && material.Get(AI_MATKEY_COLOR_SPECULAR, gloss) == AI_SUCCESS &&
+        !gloss.IsBlack())
+      model_.notes.drop("gloss");
     read_textures(material, m);
     model_.materials.push_back(to);
   }

@@ -112,6 +112,7 @@ class GltfReader {
       int parent;
     };
     std::vector<Step> left;
+    if (document_.items("scenes") > 1) model_.notes.drop("scenes beside the one that is shown");
     for (const std::uint32_t root : roots(count)) left.push_back({root, -1});
     std::reverse(left.begin(), left.end());
     while (!left.empty()) {

@@ -94,10 +94,14 @@ class MaterialReader {
     const bool blends = material.text("alphaMode", "OPAQUE") == "BLEND";
     if (transmission >= 0.5 || (blends && alpha < 0.5)) {
       thin = !volume || !(volume->number("thicknessFactor", 0.0) > 0.0);
+      if (transmission < 0.5) model_.notes.add("surfaces that blend by alpha below 0.5 count as glass");
       return Surface::dielectric;
     }
     if (blends) model_.notes.drop("blending by alpha of 0.5 or more");
-    return metallic >= 0.5 && roughness <= 0.1 ? Surface::mirror : Surface::diffuse;
+    if (metallic < 0.5) return Surface::diffuse;
+    if (roughness <= 0.1) return Surface::mirror;
+    if (roughness < 1.0) model_.notes.drop("gloss of rough metals");
+    return Surface::diffuse;
   }
 
   float index_of_refraction(const Element& material) {

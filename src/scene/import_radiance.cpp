@@ -148,7 +148,10 @@ class RadianceReader {
       const auto specular = static_cast<float>(std::clamp(p.reals[3], 0.0, 1.0));
       const bool metal = p.type == "metal";
       m.albedo = metal ? colour(p) : glm::mix(colour(p), glm::vec3(1.0f), specular);
-      if (metal && specular >= 0.5f && p.reals[4] <= 0.05) m.surface = Surface::mirror;
+      if (metal && specular >= 0.5f && p.reals[4] <= 0.05)
+        m.surface = Surface::mirror;
+      else if (specular > 0.0f)
+        model_.notes.drop("gloss of plastic and metal");
     } else if (p.type == "light" || p.type == "glow" || p.type == "illum" || p.type == "spotlight") {
       need(p, 3, 7);
       for (std::size_t c = 0; c < 3; ++c)
@@ -302,6 +305,7 @@ class RadianceReader {
       return;
     }
     if (!view.perspective) return model_.notes.drop("a view that is not perspective");
+    if (view.shifted) model_.notes.drop("shifts of the view (-vs, -vl)");
     model_.lens = {
         0, Lens{static_cast<float>(view.vertical * std::numbers::pi / 180.0), view.p, view.d, view.up}};
   }

@@ -85,6 +85,7 @@ RadianceView read_view(RadianceWords& words) {
     if (word == "-vd") vector(view.d);
     if (word == "-vu") vector(view.up);
     if (word == "-vv") view.vertical = words.number("an angle");
+    if (word == "-vs" || word == "-vl") view.shifted |= words.number("a number") != 0.0;
     if (word.starts_with("-vt")) view.perspective = word == "-vtv";
   }
   if (!(glm::length(glm::cross(view.d, view.up)) > 1e-3 * glm::length(view.d) * glm::length(view.up)))

@@ -43,6 +43,7 @@ struct RadianceView {
   glm::dvec3 p{0.0, 0.0, 0.0}, d{0.0, 1.0, 0.0}, up{0.0, 0.0, 1.0};
   double vertical = 45.0;  ///< degrees, in (0, 180) if perspective
   bool perspective = true;
+  bool shifted = false;  ///< by -vs or -vl
 };
 
 /// Reads the options that matter and skips all other words. The up vector is not parallel to the direction.
