@@ -141,8 +141,10 @@ def _cards(measured: Measured) -> str:
 def _facts(measured: Measured) -> str:
     d, s = measured.data, measured.data["settings"]
     size = f"{s['size'][0]} × {s['size'][1]} pixels"
+    few_frames = f", {s['mechanism_frames']} to compare mechanisms" if "mechanism_frames" in s else ""
     what = (
-        f"{style.plural(len(measured.scenes), 'scene')}, {size}, {s['frames']} frames, 1 sample a pixel; "
+        f"{style.plural(len(measured.scenes), 'scene')}, {size}, {s['frames']} frames"
+        f"{few_frames}, 1 sample a pixel; "
         f"references of {s['reference_spp']:,} samples; {style.plural(s['rounds'], 'round')} in which the "
         "methods alternate"
     )
