@@ -328,12 +328,14 @@ TEST(ImportGltf, WhatIsApproximatedIsNamed) {
   f.doc["materials"][1]["alphaMode"] = "BLEND";
   f.doc["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = {1.0, 1.0, 1.0, 0.3};
   f.doc["scenes"] = json::array({f.doc["scenes"][0], f.doc["scenes"][0]});
+  f.doc["textures"] = json::array({json::object()});
   const ImportedScene imported = import_gltf(f);
   EXPECT_TRUE(has_note(imported, "gloss of rough metals"));
+  EXPECT_TRUE(has_note(imported, "textures without a picture"));
   EXPECT_TRUE(has_note(imported, "alpha below 0.5 count as glass"));
   EXPECT_TRUE(has_note(imported, "scenes beside the one that is shown"));
   const ImportedScene plain = import_gltf(spinning_cube());
-  for (const char* note : {"gloss", "as glass", "scenes beside"}) EXPECT_FALSE(has_note(plain, note)) << note;
+  for (const char* note : {"gloss", "as glass", "scenes beside", "without a picture"}) EXPECT_FALSE(has_note(plain, note)) << note;
 }
 
 TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {

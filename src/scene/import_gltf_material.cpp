@@ -33,13 +33,13 @@ class MaterialReader {
       pbr->numbers("baseColorFactor", colour, 4);
       metallic = pbr->number("metallicFactor", 1.0);
       roughness = pbr->number("roughnessFactor", 1.0);
-      texture = pbr->find("baseColorTexture");
+      texture = with_picture(pbr->find("baseColorTexture"));
       if (pbr->has("metallicRoughnessTexture"))
         model_.notes.drop("metallic-roughness textures (factors count)");
     } else if (const auto older = extension(material, "KHR_materials_pbrSpecularGlossiness")) {
       older->numbers("diffuseFactor", colour, 4);
       metallic = 0.0;
-      texture = older->find("diffuseTexture");
+      texture = with_picture(older->find("diffuseTexture"));
     }
     for (int c = 0; c < 3; ++c) m.albedo[c] = static_cast<float>(std::clamp(colour[c], 0.0, 1.0));
     m.emission = emission(material);
@@ -116,10 +116,20 @@ class MaterialReader {
     const double scale = strength ? strength->number("emissiveStrength", 1.0) : 1.0;
     glm::vec3 emitted;
     for (int c = 0; c < 3; ++c) emitted[c] = static_cast<float>(std::clamp(scale * factor[c], 0.0, 1e12));
-    const auto texture = material.find("emissiveTexture");
-    if (!texture || emitted == glm::vec3(0.0f)) return emitted;
+    if (emitted == glm::vec3(0.0f)) return emitted;
+    const auto texture = with_picture(material.find("emissiveTexture"));
+    if (!texture) return emitted;
     model_.notes.add("emissive textures count by their mean colour");
     return emitted * mean_colour(model_.textures[texture_index(*texture)]);
+  }
+
+  // None where the texture has no picture, or one that only an extension knows.
+  std::optional<Element> with_picture(const std::optional<Element>& info) {
+    if (!info) return std::nullopt;
+    const Element textures = document_.at("textures");
+    if (textures[info->at("index").index(textures.size())].has("source")) return info;
+    model_.notes.drop("textures without a picture as PNG or JPEG");
+    return std::nullopt;
   }
 
   TextureUse texture_use(const Element& info, std::uint32_t& texture) {
