@@ -335,7 +335,8 @@ TEST(ImportGltf, WhatIsApproximatedIsNamed) {
   EXPECT_TRUE(has_note(imported, "alpha below 0.5 count as glass"));
   EXPECT_TRUE(has_note(imported, "scenes beside the one that is shown"));
   const ImportedScene plain = import_gltf(spinning_cube());
-  for (const char* note : {"gloss", "as glass", "scenes beside", "without a picture"}) EXPECT_FALSE(has_note(plain, note)) << note;
+  for (const char* note : {"gloss", "as glass", "scenes beside", "without a picture"})
+    EXPECT_FALSE(has_note(plain, note)) << note;
 }
 
 TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {
