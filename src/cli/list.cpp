@@ -106,11 +106,8 @@ std::string table(const Json& rows) {
 struct Listing {
   std::string_view name;
   Json (*make)();
-  std::string_view below = {};  ///< the table, for people
 };
-constexpr std::string_view kStandIns =
-    "\nThose of the thesis are stand-ins, modelled for this suite after what they are named for.\n";
-constexpr Listing kListings[] = {{"caches", caches},           {"scenes", scenes, kStandIns},
+constexpr Listing kListings[] = {{"caches", caches},           {"scenes", scenes},
                                  {"integrators", integrators}, {"interpolations", interpolations},
                                  {"workloads", workloads},     {"metrics", metrics}};
 
@@ -135,7 +132,7 @@ void add_list(CLI::App& app) {
       known.push_back(listing.name);
       if (listing.name != options->what) continue;
       const Json rows = listing.make();
-      const std::string text = options->json ? rows.dump(2) + "\n" : table(rows) + std::string(listing.below);
+      const std::string text = options->json ? rows.dump(2) + "\n" : table(rows);
       std::fputs(text.c_str(), stdout);  // the program tells in the end if it did not arrive
       return;
     }
