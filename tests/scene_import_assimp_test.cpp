@@ -45,6 +45,17 @@ TEST(ImportAssimp, GlassHasTheIndexThatIsGivenOrThatOfGlass) {
   EXPECT_TRUE(has_note(replaced, "refraction"));
 }
 
+TEST(ImportAssimp, GlossIsLeftOutAndNamed) {
+  const TemporaryFolder folder;
+  const auto read = [&](const char* specular) {
+    write(folder / "paint.mtl", std::string("newmtl paint\nKd .5 .5 .5\nKs ") + specular + "\n");
+    write(folder / "paint.obj", "mtllib paint.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl paint\nf 1 2 3\n");
+    return import_scene(folder / "paint.obj");
+  };
+  EXPECT_TRUE(has_note(read(".3 .3 .3"), "gloss"));
+  EXPECT_FALSE(has_note(read("0 0 0"), "gloss"));
+}
+
 // A triangle that a node moves by 3 m in a second, under a camera, in centimetres.
 constexpr const char* kCollada = R"(<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -118,6 +118,10 @@ TEST(ImportRadiance, WhatLightsLeaveOutIsNamed) {
   EXPECT_TRUE(has_note(read("glow m 0 0 4 5 6 7 2"), "radii of glow"));
   EXPECT_TRUE(has_note(read("glow m 0 0 4 5 6 7 -1"), "radii of glow"));
   EXPECT_FALSE(has_note(read("glow m 0 0 4 5 6 7 0"), "radii of glow"));
+  EXPECT_TRUE(has_note(read("plastic m 0 0 5 .5 .5 .5 .1 .05"), "gloss"));
+  EXPECT_TRUE(has_note(read("metal m 0 0 5 .5 .5 .5 .9 .2"), "gloss"));
+  EXPECT_FALSE(has_note(read("plastic m 0 0 5 .5 .5 .5 0 0"), "gloss"));
+  EXPECT_FALSE(has_note(read("metal m 0 0 5 .5 .5 .5 .9 0"), "gloss")) << "a mirror";
   EXPECT_TRUE(
       has_note(read("plastic wall 0 0 5 .5 .5 .5 0 0\nvoid illum m 1 wall 0 3 5 6 7"), "how illum looks"));
   EXPECT_FALSE(has_note(read("light m 0 0 3 5 6 7"), "left out"));
@@ -140,6 +144,9 @@ TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
   EXPECT_TRUE(room.notes.empty());
   write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vo 0 -va 0\n");
   expect_near(import_scene(folder / "room.rad").scene.camera.eye, {1, 1, 1}, 1e-6f);
+  EXPECT_FALSE(has_note(import_scene(folder / "room.rad"), "shifts of the view"));
+  write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vs 0.2 -vl 0\n");
+  EXPECT_TRUE(has_note(import_scene(folder / "room.rad"), "shifts of the view"));
   expect_near(mesh_of(room.scene, glm::vec3(0.6f)).positions[0], {0, 0, 0}, 1e-6f);
 }
 

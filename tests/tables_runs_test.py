@@ -21,6 +21,7 @@ from tables_support import FAKE, PATIENCE, ROOT, SMALL, Case
 
 import jobs
 import options
+from main import files_named_by
 from plan import Planner
 
 
@@ -119,6 +120,20 @@ class Interrupted(Case):
         made = jobs.Store(FAKE, self.out / "jobs", self.out / "references", "a build")
         made.fingerprints["office"] = "looks"
         return made
+
+    def test_what_a_scene_looks_like_tells_its_results_apart(self):
+        one, other = self.store(), self.store()
+        other.fingerprints["office"] = "other looks"
+        for job in self.plan().choice():
+            self.assertNotEqual(one.identity(job), other.identity(job), job.label)
+
+    def test_a_scene_file_is_known_with_the_files_that_it_names(self):
+        file = self.folder / "room.gltf"
+        file.write_text('{"buffers": [{"uri": "b%20c.bin"}], "images": [{"uri": "maps/x.png"}, {"uri": "gone.png"}]}')
+        (self.folder / "maps").mkdir()
+        for name in ("b c.bin", "maps/x.png", "beside.bin"):
+            (self.folder / name).write_bytes(b"x")
+        self.assertEqual(files_named_by(file), [self.folder / "b c.bin", self.folder / "maps/x.png"])
 
     def test_killed_again_and_again_a_run_ends_with_the_same_numbers(self):
         run = ("--scenes", "office", "--rounds", "1")

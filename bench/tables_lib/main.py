@@ -80,7 +80,7 @@ class Run:
 
     def _look(self, scene: str, frame: int) -> bytes:
         with tempfile.TemporaryDirectory(prefix="icbench-tables-") as folder:
-            command = self._probe(scene, frame)
+            command = [str(self.settings.icbench), "render", "--scene", scene, "--frame", str(frame), *kProbe]
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True,
                                   stdin=subprocess.DEVNULL)
             probe = Path(folder) / "probe.exr"
@@ -89,9 +89,6 @@ class Run:
                 raise JobFailed(
                     f"{shlex.join(command)}: status {done.returncode}: {said[-1] if said else 'no message'}")
             return probe.read_bytes()
-
-    def _probe(self, scene: str, frame: int) -> list[str]:
-        return [str(self.settings.icbench), "render", "--scene", scene, "--frame", str(frame), *kProbe]
 
     def _moves(self, scene: str) -> bool:
         """Whether it is an animation: a file is one if it has a second frame."""
