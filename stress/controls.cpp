@@ -31,6 +31,8 @@ constexpr Control kControls[] = {
      Check::linearizable, 0.25, false, &run_round<Delayed<WaitFree<>>>},
     {"relaxed_publication", "records and nodes are published by relaxed stores", Check::integrity, 0.0,
      kStoresStayInOrder, &run_round<RelaxedPublication<DelaySync>>},
+    {"lanes_unpublished", "a packed cell's mask is added to by relaxed steps", Check::integrity, 0.0,
+     kStoresStayInOrder, &run_round<LanesUnpublished<DelaySync>>},
     {"plain_store_install", "children are installed by test and store instead of CAS", Check::integrity, 0.0,
      false, &run_round<PlainStoreInstall<DelaySync>>},
     {"child_installed_twice", "the loser of an installing CAS goes on in its own node", Check::integrity, 0.0,

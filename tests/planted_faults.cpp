@@ -75,6 +75,8 @@ int run(std::string_view fault) {
     share<PackedWaitFreeSnapshot<>>(2, 17);
   } else if (fault == "relaxed_publication") {
     share<stress::RelaxedPublication<StdSync>>(2);
+  } else if (fault == "lanes_unpublished") {
+    share<stress::LanesUnpublished<StdSync>>(2);
   } else if (fault == "batch_loads_ahead") {
     share<stress::BatchLoadsAhead<StdSync>>(2, 4);
   } else if (fault == "unsynchronised") {
@@ -88,7 +90,7 @@ int run(std::string_view fault) {
   } else {
     std::fputs(
         "usage: planted_faults "
-        "none|relaxed_publication|batch_loads_ahead|unsynchronised|use_after_free|overflow|"
+        "none|relaxed_publication|lanes_unpublished|batch_loads_ahead|unsynchronised|use_after_free|overflow|"
         "undefined\n",
         stderr);
     return 2;

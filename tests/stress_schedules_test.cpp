@@ -4,6 +4,7 @@
 #include <mutex>
 
 #include "caches/locked.h"
+#include "caches/packed_octree.h"
 #include "caches/ward_tree.h"
 #include "stress/explore/explore.h"
 #include "stress/progress/step_sync.h"
@@ -37,6 +38,42 @@ std::vector<std::string> driven_caches() {
 
 INSTANTIATE_TEST_SUITE_P(All, Explored, ::testing::ValuesIn(driven_caches()),
                          [](const auto& at) { return at.param; });
+
+/// Bytes that the packed octree takes for the first insert of a scenario's first thread.
+std::size_t taken_by_insert(const Scenario& s) {
+  using Octree = Packed<PlainSync>;
+  const Stage stage;
+  const unsigned records = s.nearby + thread_count(s) + 1;
+  Octree octree({.capacity = std::max(capacity_for(records, 1), s.capacity)});
+  Octree::Workspace workspace;
+  NoCounters uncounted;
+  std::uint32_t id = 0;
+  const auto insert = [&](std::uint32_t place, std::uint32_t size) {
+    EXPECT_TRUE(octree.insert(workspace, stage.record(Stage::kind(place, size), id++), uncounted));
+  };
+  for (unsigned i = 0; i < s.nearby; ++i) insert(Stage::kNearby, 0);
+  for (unsigned t = 0; t < thread_count(s); ++t) insert(Stage::kElsewhere, 1);
+  const std::size_t before = Octree::bytes(workspace);
+  insert(Stage::kHere, static_cast<std::uint32_t>(s.threads[0][1] - '0'));
+  return Octree::bytes(workspace) - before;
+}
+
+TEST(ExploredScenarios, OfThePackedOctreeReachThePartsTheyAreNamedAfter) {
+  constexpr std::size_t kRecord = 48, kNode = 64, kCell = 192, kMore = 384, kBrick = 864;
+  const auto taken = [](std::string_view name) { return taken_by_insert(*find_scenario(name)); };
+  EXPECT_EQ(taken("install_node"), kRecord + kNode + kCell);
+  EXPECT_EQ(taken("node_query"), kRecord + kNode + kCell);
+  EXPECT_EQ(taken("install_brick"), kRecord + kBrick + kCell);
+  EXPECT_EQ(taken("brick_query"), kRecord + kBrick + kCell);
+  EXPECT_EQ(taken("further_lanes"), kRecord + kMore);
+  EXPECT_EQ(taken("further_query"), kRecord + kMore);
+  EXPECT_EQ(taken("split"), kRecord + kCell);
+  EXPECT_EQ(taken("split_query"), kRecord + kCell);
+  const std::size_t list = taken("list");
+  EXPECT_GT(list, kRecord);
+  EXPECT_LT(list, kRecord + kCell) << "not a list's chunk";
+  EXPECT_EQ(taken("list_query"), list);
+}
 
 TEST(ExploredControls, AreAllCaughtAndCanBeReplayed) {
   const std::vector<ExploredControl> controls = explore_controls({}, ignore);

@@ -8,6 +8,7 @@
 
 #include "caches/direct.h"
 #include "caches/local_write.h"
+#include "caches/packed_octree.h"
 #include "caches/ward_tree.h"
 
 namespace icbench::stress {
@@ -33,6 +34,23 @@ template <class Sync>
 struct RelaxedSync : Sync {
   template <class T>
   using Atomic = RelaxedAtomic<T, Sync>;
+};
+
+/// Additions publish nothing: what a packed cell's mask shows, its lanes' words, where they are and the records behind
+/// them, has only been written where the processor keeps stores in order.
+template <class T, class Sync>
+class RelaxedAdditionAtomic : public Sync::template Atomic<T> {
+  using Base = typename Sync::template Atomic<T>;
+
+ public:
+  using Base::Base;
+  T fetch_add(T n, std::memory_order) noexcept { return Base::fetch_add(n, std::memory_order_relaxed); }
+};
+
+template <class Sync>
+struct RelaxedAdditionSync : Sync {
+  template <class T>
+  using Atomic = RelaxedAdditionAtomic<T, Sync>;
 };
 
 /// Children and chunks are installed by a test and a plain store: of two threads that find a link empty, one
@@ -149,6 +167,8 @@ struct NoHelp {
 
 template <class Sync>
 using RelaxedPublication = Direct<WardTree<RelaxedSync<Sync>>>;
+template <class Sync>
+using LanesUnpublished = Direct<Packed<RelaxedAdditionSync<Sync>>>;
 template <class Sync>
 using PlainStoreInstall = Direct<WardTree<StoreSync<Sync>>>;
 template <class Sync>

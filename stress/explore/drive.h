@@ -86,6 +86,8 @@ class Drive {
     };
     for (unsigned i = 0; i < scenario_.before; ++i)
       log_.before.push_back(insert(Stage::kind(Stage::kHere, 0)));
+    for (unsigned i = 0; i < scenario_.nearby; ++i)
+      log_.before.push_back(insert(Stage::kind(Stage::kNearby, 0)));
     if (scenario_.is_warm) {
       for (unsigned t = 0; t < thread_count(scenario_); ++t)
         log_.before.push_back(insert(Stage::kind(Stage::kElsewhere, 1)));
@@ -120,7 +122,8 @@ class Drive {
     const unsigned threads = thread_count(scenario_);
     if (is_dirty || !cache_) {
       sessions_.clear();
-      cache_.emplace(CacheConfig{.capacity = capacity_for(log_.ids(), threads), .max_sessions = threads});
+      const std::uint32_t capacity = std::max(capacity_for(log_.ids(), threads), scenario_.capacity);
+      cache_.emplace(CacheConfig{.capacity = capacity, .max_sessions = threads});
       for (unsigned t = 0; t < threads; ++t) sessions_.push_back(cache_->open_session(t));
     } else if (!is_clear_) {
       cache_->clear();
@@ -130,7 +133,7 @@ class Drive {
     if (scenario_.is_warm) {
       for (Session& s : sessions_) s.prefault(kPrefault);
     }
-    const std::size_t first_warm = scenario_.before;
+    const std::size_t first_warm = scenario_.before + scenario_.nearby;
     for (std::size_t i = 0; i < log_.before.size(); ++i) {
       LoggedOperation& o = log_.before[i];
       o.result = sessions_[i < first_warm ? 0 : i - first_warm].insert(stage_.record(o.where, o.id));

@@ -100,7 +100,7 @@ std::vector<Exploration> explore_all(const ExploreOptions& options, const Explor
   for (const ExploreSubject& subject : all_explore_subjects()) {
     if (!is_wanted(options, subject) || subject.explore == nullptr) continue;
     for (const Scenario& scenario : all_scenarios()) {
-      if (!is_wanted(options, scenario)) continue;
+      if (!is_wanted(options, scenario) || !is_about(scenario, subject.traits)) continue;
       for (const Stamping stamping : kStampings) {
         progress(fmt::format("{} {}", subject.name, scenario.name));
         out.push_back(explore_one(subject, scenario, stamping, search_options(options)));
@@ -111,14 +111,13 @@ std::vector<Exploration> explore_all(const ExploreOptions& options, const Explor
 }
 
 std::size_t exploration_count(const ExploreOptions& options) {
-  const auto subjects = all_explore_subjects();
-  const auto scenarios = all_scenarios();
-  const auto caches = std::count_if(subjects.begin(), subjects.end(), [&](const ExploreSubject& s) {
-    return is_wanted(options, s) && s.explore != nullptr;
-  });
-  const auto programs = std::count_if(scenarios.begin(), scenarios.end(),
-                                      [&](const Scenario& s) { return is_wanted(options, s); });
-  return static_cast<std::size_t>(caches * programs) * std::size(kStampings) + all_explore_controls().size();
+  std::size_t programs = 0;
+  for (const ExploreSubject& subject : all_explore_subjects()) {
+    if (!is_wanted(options, subject) || subject.explore == nullptr) continue;
+    for (const Scenario& scenario : all_scenarios())
+      programs += is_wanted(options, scenario) && is_about(scenario, subject.traits);
+  }
+  return programs * std::size(kStampings) + all_explore_controls().size();
 }
 
 std::vector<ExploredControl> explore_controls(const ExploreOptions& options,

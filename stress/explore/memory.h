@@ -30,7 +30,7 @@ namespace icbench::stress::explore {
 
 inline constexpr unsigned kMaxThreads = 4;
 /// Atomic words that the threads of one execution may touch.
-inline constexpr unsigned kMaxLocations = 96;
+inline constexpr unsigned kMaxLocations = 256;
 
 /// A vector clock: how many of each thread's steps are known.
 struct VectorClock {
@@ -184,7 +184,7 @@ class Memory {
   std::array<Thread, kMaxThreads> threads_;
   std::vector<Word> locations_;
   Location used_ = 0;
-  static constexpr unsigned kBuckets = 256;
+  static constexpr unsigned kBuckets = 512;
   static_assert(kBuckets >= 2 * kMaxLocations, "probing stays short, and ends");
   struct Bucket {
     const void* address;

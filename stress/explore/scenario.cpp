@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "caches/packed_lanes.h"
 #include "core/interpolation.h"
 #include "stress/round.h"
 
@@ -9,8 +10,11 @@ namespace icbench::stress::explore {
 
 namespace {
 
-constexpr float kRadii[Stage::kSizes] = {0.9f, 0.4f, 0.2f};
-constexpr float kCorner[Stage::kPlaces] = {0.05f, 0.95f};
+constexpr float kRadii[Stage::kSizes] = {0.6f, 0.4f, 0.2f, 0.025f};
+constexpr float kCorner[Stage::kPlaces] = {0.05f, 0.95f, 0.45f};
+
+// Least capacity at which the packed octree's grid has bricks that are not there from the start.
+constexpr std::uint32_t kWithBricks = 48 << 6;
 
 constexpr Scenario kScenarios[] = {
     {"install", {"i1", "i1"}, false, 0, false},
@@ -26,6 +30,19 @@ constexpr Scenario kScenarios[] = {
     {"grow", {"i0", "i0"}, true, 4, false},
     {"look_between", {"i1", "i0 q", "q"}, true, 0, false},
     {"insert_batch", {"i1", "bb"}, true, 0, false},
+    // What the packed octree has beside a cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
+    {"install_node", {"i3", "i3"}, true, 0, false, "packed"},
+    {"node_query", {"i3", "q"}, true, 0, false, "packed"},
+    {"install_brick", {"i3", "i3"}, true, 0, false, "packed", 0, kWithBricks},
+    {"brick_query", {"i3", "q"}, true, 0, false, "packed", 0, kWithBricks},
+    {"further_lanes", {"i0", "i0"}, true, 0, false, "packed", kStripLanes},
+    {"further_query", {"i0", "q"}, true, 0, false, "packed", kStripLanes},
+    {"split", {"i0", "i0"}, true, 0, false, "packed", kCellLanes},
+    {"split_query", {"i0", "q"}, true, 0, false, "packed", kCellLanes},
+    {"list", {"i0", "i0"}, true, 0, false, "packed", 2 * kCellLanes},
+    {"list_query", {"i0", "q"}, true, 0, false, "packed", 2 * kCellLanes},
+    {"further_batch", {"i0", "bb"}, true, 0, false, "packed", kStripLanes},
+    {"list_batch", {"i0", "bb"}, true, 0, false, "packed", 2 * kCellLanes},
     {"install_three", {"i1", "i1", "i1"}, true, 0, true},
     {"grow_and_look", {"i0", "i0", "q"}, true, 4, true},
     {"two_inserts_queries", {"i1", "i1", "q q"}, true, 0, true},
@@ -33,6 +50,10 @@ constexpr Scenario kScenarios[] = {
     {"two_chains", {"i0 i1", "q q"}, true, 0, true},
     {"cold_inserts_query", {"i1", "i1", "q"}, false, 0, true},
     {"chain_and_batch", {"i0 i1", "bb"}, true, 0, true},
+    {"brick_and_look", {"i3", "i3", "q"}, true, 0, true, "packed", 0, kWithBricks},
+    {"further_and_look", {"i0", "i0", "q"}, true, 0, true, "packed", kStripLanes},
+    {"split_and_look", {"i0", "i0", "q"}, true, 0, true, "packed", kCellLanes},
+    {"list_and_look", {"i0", "i0", "q"}, true, 0, true, "packed", 2 * kCellLanes},
     {"inserts_and_batch", {"i1", "i1", "bb"}, true, 0, true},
 };
 
@@ -44,6 +65,10 @@ const Scenario* find_scenario(std::string_view name) {
   const auto* const at = std::find_if(std::begin(kScenarios), std::end(kScenarios),
                                       [&](const Scenario& s) { return s.name == name; });
   return at == std::end(kScenarios) ? nullptr : at;
+}
+
+bool is_about(const Scenario& s, const CacheTraits& traits) noexcept {
+  return s.structure.empty() || s.structure == traits.structure;
 }
 
 unsigned thread_count(const Scenario& s) noexcept {

@@ -1,8 +1,9 @@
 // Small programs on a cache that the explorer runs under every schedule, and what their answers are judged by.
 //
 // A scenario says what each thread does; all records and queries are at one place in a corner, so that a query looks
-// into one cell of each level and steps are few. Records come in three sizes: size 0 is kept in the root, 1 and 2 one
-// and two levels below, where nodes are installed on the way.
+// into one cell of each level and steps are few. Records come in four sizes: size 0 belongs in the root, 1, 2 and 3 one,
+// two and five levels below, where nodes are installed on the way. (The packed octree keeps what is small and alone up to
+// two levels above: of the first three only records that find the root crowded leave it.)
 //
 // Two ways of telling what preceded what:
 //
@@ -38,11 +39,15 @@ struct Scenario {
   bool is_warm;
   unsigned before;  ///< records of size 0 that are there already
   bool is_long;     ///< for the long form only
+  std::string_view structure = {};  ///< of the caches that it is about; empty: all
+  unsigned nearby = 0;              ///< records of size 0 that are there already, in the same cells but not valid here
+  std::uint32_t capacity = 0;       ///< of the cache, where that decides how it is built; 0: for the records there are
 };
 
 std::span<const Scenario> all_scenarios();
 /// By name; nullptr if there is none such.
 const Scenario* find_scenario(std::string_view name);
+bool is_about(const Scenario& s, const CacheTraits& traits) noexcept;
 unsigned thread_count(const Scenario& s) noexcept;
 
 enum class Stamping : std::uint8_t { stamped, unstamped };
@@ -54,9 +59,9 @@ constexpr std::string_view name_of(Stamping s) noexcept {
 /// The records and queries of scenarios.
 class Stage {
  public:
-  static constexpr std::uint32_t kSizes = 3, kPlaces = 2;
-  /// Where scenarios happen, and where sessions warm up.
-  static constexpr std::uint32_t kHere = 0, kElsewhere = 1;
+  static constexpr std::uint32_t kSizes = 4, kPlaces = 3;
+  /// Where scenarios happen, where sessions warm up, and in the cells of the former but out of its records' reach.
+  static constexpr std::uint32_t kHere = 0, kElsewhere = 1, kNearby = 2;
 
   Stage();
   const SurfacePoint& place(std::uint32_t i) const noexcept { return places_[i]; }
@@ -73,7 +78,7 @@ class Stage {
 
 /// One operation and what came of it.
 struct LoggedOperation {
-  static constexpr unsigned kMostSeen = 16;
+  static constexpr unsigned kMostSeen = 160;
 
   bool is_query = false;
   bool is_in_batch = false;  ///< a query in one call with the one before it
