@@ -37,11 +37,12 @@ struct Scenario {
   std::array<std::string_view, kMaxThreads> threads;
   /// Sessions have drawn their tickets and memory, as in the middle of a run: fewer steps.
   bool is_warm;
-  unsigned before;  ///< records of size 0 that are there already
-  bool is_long;     ///< for the long form only
+  unsigned before;                  ///< records of size 0 that are there already
+  bool is_long;                     ///< for the long form only
   std::string_view structure = {};  ///< of the caches that it is about; empty: all
-  unsigned nearby = 0;              ///< records of size 0 that are there already, in the same cells but not valid here
-  std::uint32_t capacity = 0;       ///< of the cache, where that decides how it is built; 0: for the records there are
+  unsigned nearby = 0;  ///< records of size 0 that are there already, in the same cells but not valid here
+  std::uint32_t capacity =
+      0;  ///< of the cache, where that decides how it is built; 0: for the records there are
 };
 
 std::span<const Scenario> all_scenarios();
