@@ -70,6 +70,31 @@ TEST(Triangulate, CoversHardPolygonsExactly) {
   EXPECT_TRUE(importing::triangulate(std::vector<glm::dvec3>{{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}).empty());
 }
 
+// As many corners as are read: what is tried for every ear has to be remembered.
+TEST(Triangulate, CoversPolygonsOfManyCorners) {
+  constexpr int kTeeth = static_cast<int>(importing::kMaxCorners) / 2 - 2;
+  std::vector<glm::dvec3> comb;  // its teeth see all of each other's tips
+  for (int i = 0; i < kTeeth; ++i) comb.insert(comb.end(), {{2.0 * i, 0, 0}, {2.0 * i + 1, 5.0 + i % 7, 0}});
+  comb.insert(comb.end(), {{2.0 * kTeeth, 0, 0}, {2.0 * kTeeth, -1, 0}, {0, -1, 0}});
+  std::reverse(comb.begin(), comb.end());
+  double area = 2.0 * kTeeth;
+  for (int i = 0; i < kTeeth; ++i) area += 5.0 + i % 7;
+  EXPECT_NEAR(covered(comb), area, 1e-6);
+
+  constexpr int kTurns = static_cast<int>(importing::kMaxCorners) / 2;
+  std::vector<glm::dvec3> spiral;
+  const auto add = [&](int i, double r) {
+    spiral.emplace_back(r * std::cos(0.02 * i), r * std::sin(0.02 * i), 0);
+  };
+  for (int i = 0; i < kTurns; ++i) add(i, 1 + 0.02 * i);
+  for (int i = kTurns; i-- > 0;) add(i, 1.5 + 0.02 * i);
+  std::reverse(spiral.begin(), spiral.end());
+  double twice = 0.0;
+  for (std::size_t i = 0; i < spiral.size(); ++i)
+    twice += glm::cross(spiral[i], spiral[(i + 1) % spiral.size()]).z;
+  EXPECT_NEAR(covered(spiral), 0.5 * std::abs(twice), 1e-4);
+}
+
 TEST(Triangulate, CoversStarsInAnyPlaneExactly) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> uniform(0.1, 1.0);

@@ -12,7 +12,7 @@ namespace {
 class Studio {
  public:
   Studio(const Machine& machine, std::string_view integrator, const Setting& setting, std::uint64_t seed,
-         std::uint32_t light_samples = 1, Interpolation interpolation = Interpolation::gradients)
+         std::uint32_t light_samples = 1)
       : rays_(make_scene(setting.scene)),
         team_(machine.topology, Placement::compact, machine.units()),
         renderer_({.rays = rays_,
@@ -24,7 +24,7 @@ class Studio {
                    .light_samples = light_samples,
                    .vpls = setting.vpls,
                    .a = accuracy_of(setting),
-                   .interpolation = interpolation,
+                   .interpolation = Interpolation::gradients,
                    .seed = seed}) {}
 
   FrameCost render(std::uint32_t frame) { return renderer_.render(frame); }
@@ -91,13 +91,12 @@ class TemporalVisible : public Experiment {
 class TemporalMemory : public Experiment {
  public:
   explicit TemporalMemory(const Machine& machine)
-      : temporal_(machine, "temporal_instant_caching", kAnimations[0].setting, machine.seed, 1,
-                  Interpolation::split_sphere) {}
+      : temporal_(machine, "temporal_instant_caching", kAnimations[0].setting, machine.seed) {}
 
   Sample sample() override {
     const PassFigures figures = temporal_.render(frame_++).pass;
-    return {static_cast<double>(figures.bytes_beside_cache) / static_cast<double>(figures.records) /
-            (64.0 + static_cast<double>(figures.vpls_in_use) / 8.0)};
+    return {static_cast<double>(figures.bytes_beside_cache - figures.bytes_of_details) /
+            static_cast<double>(figures.records) / (64.0 + static_cast<double>(figures.vpls_in_use) / 8.0)};
   }
 
  private:

@@ -1,5 +1,9 @@
 // What copies cost: time of an insert into the packed octree over one into Ward's, and its memory.
 #include <fmt/format.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <stdexcept>
 
 #include "caches/registry.h"
 #include "rows/rows.h"
@@ -50,15 +54,25 @@ class InsertOverWard : public Experiment {
   WaitFree<> ward_;
 };
 
+/// Bytes of this process in memory.
+std::size_t resident_bytes() {
+  std::ifstream statm("/proc/self/statm");
+  std::size_t size = 0, pages = 0;
+  if (!(statm >> size >> pages)) throw std::runtime_error("/proc/self/statm tells no resident memory");
+  return pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+}
+
 class Memory : public Experiment {
  public:
-  Memory(const Machine& machine, std::uint32_t records)
-      : rays_(make_scene("cornell_box")), plan_(plan_of(records, rays_, machine.seed)) {}
+  Memory(const Machine& machine, std::uint32_t records, bool resident)
+      : rays_(make_scene("cornell_box")), plan_(plan_of(records, rays_, machine.seed)), resident_(resident) {}
 
   Sample sample() override {
+    const std::size_t before = resident_bytes();
     PackedWaitFree<> cache(plan_.config(1));
     fill(cache, plan_);
-    return {static_cast<double>(cache.memory_bytes()) / static_cast<double>(plan_.records().size()) / kBytes};
+    const std::size_t bytes = resident_ ? resident_bytes() - before : cache.memory_bytes();
+    return {static_cast<double>(bytes) / static_cast<double>(plan_.records().size()) / kBytes};
   }
 
  private:
@@ -66,6 +80,7 @@ class Memory : public Experiment {
 
   RayTracer rays_;
   SyntheticPlan plan_;
+  bool resident_;
 };
 
 }  // namespace
@@ -75,7 +90,11 @@ std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std:
 }
 
 std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t records) {
-  return std::make_unique<Memory>(machine, records);
+  return std::make_unique<Memory>(machine, records, false);
+}
+
+std::unique_ptr<Experiment> packed_memory_resident(const Machine& machine, std::uint32_t records) {
+  return std::make_unique<Memory>(machine, records, true);
 }
 
 }  // namespace icbench

@@ -26,12 +26,16 @@ std::unique_ptr<Experiment> packed_query_over_tbb_hash_grid(const Machine& machi
   return std::make_unique<QueryRatio<TbbHashGridCache<>, PackedWaitFree<>>>(machine, workload);
 }
 
-std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine) {
-  return std::make_unique<QueryRatio<PackedWaitFree<>, PackedSequential<>>>(machine);
+std::unique_ptr<Experiment> packed_query_over_append_log(const Machine& machine, std::string_view workload) {
+  return std::make_unique<QueryRatio<AppendLogCache<>, PackedWaitFree<>>>(machine, workload);
 }
 
-std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine) {
-  return std::make_unique<QueryRatio<PackedWaitFreeSnapshot<>, PackedWaitFree<>>>(machine);
+std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine, std::string_view workload) {
+  return std::make_unique<QueryRatio<PackedWaitFree<>, PackedSequential<>>>(machine, workload);
+}
+
+std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine, std::string_view workload) {
+  return std::make_unique<QueryRatio<PackedWaitFreeSnapshot<>, PackedWaitFree<>>>(machine, workload);
 }
 
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload) {

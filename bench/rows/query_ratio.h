@@ -18,6 +18,7 @@ class Filled {
     auto session = this->session();
     session.prefault(static_cast<std::uint32_t>(plan.records().size()));
     for (const Record& r : plan.records()) session.insert(r);
+    cache_.end_frame();
   }
 
   /// Something with `query`.

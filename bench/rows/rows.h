@@ -27,20 +27,23 @@ std::unique_ptr<Experiment> packed_query_over_ward(const Machine& machine, std::
 std::unique_ptr<Experiment> told_query_over_ward(const Machine& machine, std::string_view workload);
 /// Of a scalar octree of whole records over them, and of them over the same records frozen.
 std::unique_ptr<Experiment> packed_query_over_replicated(const Machine& machine, std::string_view workload);
-/// Of a rival from oneTBB over them.
+/// Of the rivals from oneTBB over them.
 std::unique_ptr<Experiment> packed_query_over_tbb_hash_grid(const Machine& machine,
                                                             std::string_view workload);
+std::unique_ptr<Experiment> packed_query_over_append_log(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std::string_view workload);
-std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine);
-std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine);
+std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload);
 /// The same of their tests of lanes and records alone.
 std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
                                                               std::string_view workload);
 std::unique_ptr<Experiment> packed_single_over_batch(const Machine& machine, std::string_view workload);
-/// Its inserts over those of wait_free, and its memory, all told, over 150 bytes a record.
+/// Its inserts over those of wait_free, and its memory over 150 bytes a record: what is handed out, and what the system
+/// has put behind it.
 std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std::uint32_t records);
 std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t records);
+std::unique_ptr<Experiment> packed_memory_resident(const Machine& machine, std::uint32_t records);
 /// Throughput of its linearizable queries over that of regular ones, and of wait-free access over that of a lock around
 /// the same structure, by its registry name.
 std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine);

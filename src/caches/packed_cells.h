@@ -92,16 +92,17 @@ class PackedCells {
   };
 
   /// For `records` at most by `sessions`. `spare_room`: address space over what so many can need.
-  PackedCells(std::uint64_t records, std::uint64_t sessions, std::uint64_t spare_room, bool large_pages)
+  PackedCells(std::uint64_t records, std::uint64_t sessions, std::uint64_t spare_room, LargePages large_pages)
       : grid_level_(grid_level(records)),
         sessions_(sessions),
-        grid_(dense_entries(), large_pages),
-        bricks_(top_cells() + sessions * kIdleBricks + 1, large_pages),
-        nodes_(spare_room * records * worst_nodes() + sessions * kIdleNodes + 1, large_pages,
-               records / kPerNode),
-        cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, large_pages,
+        grid_(dense_entries(), 0, large_pages, dense_entries()),
+        bricks_(top_cells() + sessions * kIdleBricks + 1, 0, large_pages, records / kPerBrick),
+        nodes_(spare_room * records * worst_nodes() + sessions * kIdleNodes + 1, records / kPerNode,
+               large_pages, records / kPerNode),
+        cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, records / kPerCell, large_pages,
                records / kPerCell),
-        more_(spare_room * records * kWorstMore + sessions * kIdleMore, large_pages, records / kPerMore) {
+        more_(spare_room * records * kWorstMore + sessions * kIdleMore, records / kPerMore, large_pages,
+              records / kPerMore) {
     plant();
   }
 
@@ -212,7 +213,7 @@ class PackedCells {
   /// Takes and touches memory for about n inserts of one session, ahead.
   void prefault(Workspace& w, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
-    bricks_.populate(sessions_ * n / 16);
+    bricks_.populate(sessions_ * n / kPerBrick);
     w.nodes_.prefault(nodes_, n / kPerNode, kNodeBytes);
     w.cells_.prefault(cells_, n / kPerCell, kCellBytes);
     w.more_.prefault(more_, n / kPerMore, kMoreBytes);
@@ -220,7 +221,7 @@ class PackedCells {
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
-    bricks_.populate((std::uint64_t{offset} + n) / 16);
+    bricks_.populate((std::uint64_t{offset} + n) / kPerBrick);
     nodes_.touch(offset / kPerNode, n / kPerNode);
     cells_.touch(offset / kPerCell, n / kPerCell);
     more_.touch(offset / kPerMore, n / kPerMore);
@@ -270,8 +271,8 @@ class PackedCells {
     return kMostCells * static_cast<std::uint64_t>(kPackedLevels - grid_level_);
   }
   static constexpr std::uint64_t kWorstMore = 2;
-  // Records that one of each is expected for, of memory that is touched beforehand.
-  static constexpr std::uint32_t kPerNode = 16, kPerCell = 4, kPerMore = 16;
+  // Records that one of each is expected for, of memory that is touched beforehand or on large pages.
+  static constexpr std::uint32_t kPerBrick = 100, kPerNode = 16, kPerCell = 4, kPerMore = 16;
   // What a session may hold without a record in it: the rest of two pieces, and a spare.
   static constexpr std::uint64_t kIdleBricks = 2 * kBrickPiece + 1, kIdleNodes = 2 * kNodePiece + 1,
                                  kIdleCells = 2 * kCellPiece + 1, kIdleMore = 2 * kMorePiece + 1;

@@ -51,8 +51,8 @@ class PackedRecords {
     UnitIndex spare_ = 0;  // of an insert that failed
   };
 
-  PackedRecords(std::uint64_t capacity, std::uint64_t sessions, bool large_pages)
-      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, large_pages, capacity) {}
+  PackedRecords(std::uint64_t capacity, std::uint64_t sessions, LargePages large_pages)
+      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, capacity, large_pages, capacity) {}
 
   Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
   static bool is_empty(const Stored& s) noexcept {

@@ -51,9 +51,9 @@ struct PackedStore {
 
   /// Unless told, large pages are asked for where they are worth the time it takes to clear one: the memory of so many
   /// records is several of them.
-  static bool on_large_pages(const CacheConfig& config) noexcept {
-    return config.large_pages == LargePages::when_large ? config.capacity > 1u << 16
-                                                        : config.large_pages == LargePages::always;
+  static LargePages large_pages(const CacheConfig& config) noexcept {
+    const bool is_small = config.large_pages == LargePages::when_large && config.capacity <= 1u << 16;
+    return is_small ? LargePages::never : config.large_pages;
   }
 
   static constexpr std::uint32_t kMostPath = kPackedLevels + 1;
@@ -98,8 +98,8 @@ struct PackedStore {
       : addressing(config.bounds),
         a_max(config.a_max),
         sessions(config.max_sessions),
-        cells(config.capacity, sessions, kSpareRoom, on_large_pages(config)),
-        records(config.capacity, sessions, on_large_pages(config)),
+        cells(config.capacity, sessions, kSpareRoom, large_pages(config)),
+        records(config.capacity, sessions, large_pages(config)),
         list(kSpareRoom * config.capacity * kWorstListUnits + sessions * List::kIdleUnits) {}
 
   // Step bounds of queries (caches/session.h).

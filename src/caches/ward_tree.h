@@ -115,7 +115,7 @@ class WardTree {
         a_max_(config.a_max),
         idle_nodes_(std::uint64_t{config.max_sessions} * kIdleNodes),
         idle_units_(std::uint64_t{config.max_sessions} * Slots::kIdleUnits),
-        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1, false, config.capacity),
+        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1, config.capacity),
         slots_(kSpareRoom * config.capacity * Slots::kWorstUnits + idle_units_, config.capacity) {
     nodes_.take(1);  // the root
   }

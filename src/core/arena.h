@@ -14,7 +14,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 
+#include "core/large_pages.h"
 #include "core/parallel.h"
 #include "core/setup_error.h"
 #include "core/sync.h"
@@ -31,22 +33,33 @@ using UnitIndex = std::uint32_t;
 template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
-  /// Reserves address space for `units` units, on large pages if the system has them for who asks. Fails at set-up with
-  /// one line if the system has none. `ahead`: units over these for take_ahead, as far as there are indices.
-  explicit Arena(std::uint64_t units, bool on_large_pages = false, std::uint64_t ahead = 0)
+  /// Reserves address space for `units` units. Fails at set-up with one line if the system has none. `ahead`: units over
+  /// these for take_ahead, as far as there are indices. `expected`: those that will be used, as a rule; `when_large` asks
+  /// for as many large pages as these fill, since one that is used in part is resident as a whole.
+  explicit Arena(std::uint64_t units, std::uint64_t ahead = 0, LargePages large_pages = LargePages::never,
+                 std::uint64_t expected = 0)
       : units_(std::min<std::uint64_t>(units + ahead + 1, UINT32_MAX)),
         ahead_(units_ > units + 1 ? units_ - (units + 1) : 0),
         ahead_left_(ahead_) {
-    void* memory = ::mmap(nullptr, bytes(units_), PROT_READ | PROT_WRITE,
+    // From where a large page begins, if there are to be any.
+    const std::size_t alignment = large_pages == LargePages::never ? 1 : kLargePage;
+    std::size_t reserved = bytes(units_) + alignment - 1;
+    void* memory = ::mmap(nullptr, reserved, PROT_READ | PROT_WRITE,
                           MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (memory == MAP_FAILED)
       fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
-    base_ = static_cast<std::byte*>(memory);
+    reserved_ = memory;
+    reserved_bytes_ = reserved;
+    base_ = static_cast<std::byte*>(std::align(alignment, bytes(units_), memory, reserved));
 #if defined(MADV_HUGEPAGE)
-    if (on_large_pages) ::madvise(memory, bytes(units_), MADV_HUGEPAGE);  // advice: may be refused
+    const std::size_t filled = bytes(std::min(expected, units_)) / kLargePage * kLargePage;
+    const std::size_t large = large_pages == LargePages::always       ? bytes(units_)
+                              : large_pages == LargePages::when_large ? filled
+                                                                      : 0;
+    if (large != 0) ::madvise(base_, large, MADV_HUGEPAGE);  // advice: may be refused
 #endif
   }
-  ~Arena() { ::munmap(base_, bytes(units_)); }
+  ~Arena() { ::munmap(reserved_, reserved_bytes_); }
   Arena(const Arena&) = delete;
   Arena& operator=(const Arena&) = delete;
 
@@ -126,6 +139,8 @@ class Arena {
 
   static constexpr std::size_t bytes(std::uint64_t units) noexcept { return units * kUnitBytes; }
 
+  void* reserved_;  // in which base_ is
+  std::size_t reserved_bytes_;
   std::byte* base_;
   std::uint64_t units_, ahead_;  // the former with 0 and the latter
   typename Sync::template Atomic<std::uint64_t> ahead_left_;

@@ -22,6 +22,7 @@
 
 #include "core/counters.h"
 #include "core/interpolation.h"
+#include "core/large_pages.h"
 #include "core/types.h"
 
 namespace icbench {
@@ -80,10 +81,6 @@ struct CacheTraits {
   std::string_view source;        ///< publication, or "this project"
   bool waits_in_library = false;  ///< what blocks is a library's container, which no check can stop half way
 };
-
-/// Whether a cache asks the system for large pages, which it may refuse. They spare address translations, and cost the
-/// clearing of a whole one, 2 MiB as a rule, where a little of it is used.
-enum class LargePages : std::uint8_t { never, when_large, always };
 
 struct CacheConfig {
   Bounds bounds{};  ///< records and queries outside are refused

@@ -10,6 +10,7 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <map>
+#include <new>
 #include <set>
 #include <stdexcept>
 
@@ -328,6 +329,7 @@ Model read_with_assimp(const std::filesystem::path& file) {
     const LibraryCall call;
     if (importer.ReadFile(file.string(), kSteps)) return {};
     const std::string said = importer.GetErrorString();
+    if (said == std::bad_alloc().what()) return kTooMuchMemory;
     return said.empty() ? "cannot be read" : said;
   };
   std::string trouble = try_apart(read, std::max<std::size_t>(kMemory, kMemoryPerByte * size),

@@ -14,10 +14,12 @@ constexpr double kOnLine = 1e-12;
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
+// Cuts off one ear after another. For every corner that is none it is known which other one is in the way, so that it is
+// looked for again only when that one is gone: usually as many steps as the square of the number of corners.
 class EarClipper {
  public:
   EarClipper(std::vector<glm::dvec2> points, double tolerance)
-      : p_(std::move(points)), tolerance_(tolerance) {
+      : p_(std::move(points)), in_the_way_(p_.size(), kNone), is_cut_(p_.size()), tolerance_(tolerance) {
     const auto n = static_cast<std::uint32_t>(p_.size());
     for (std::uint32_t i = 0; i < n; ++i) {
       next_.push_back((i + 1) % n);
@@ -42,8 +44,8 @@ class EarClipper {
 
   // An ear, or what comes nearest where rounding or a crossing leaves none: one that only touches other
   // corners, a corner without area, any convex corner.
-  std::uint32_t find_ear(std::uint32_t start, std::size_t left) const {
-    std::uint32_t touching = kNone, flat = kNone, convex = kNone, i = start;
+  std::uint32_t find_ear(std::uint32_t start, std::size_t left) {
+    std::uint32_t flat = kNone, convex = kNone, i = start;
     for (std::size_t n = 0; n < left; ++n, i = next_[i]) {
       const double a = area(i);
       if (std::abs(a) <= tolerance_) {
@@ -53,10 +55,11 @@ class EarClipper {
       }
       if (a < 0.0) continue;
       convex = convex == kNone ? i : convex;
-      if (is_empty(i, left, tolerance_)) return i;
-      if (touching == kNone && is_empty(i, left, -tolerance_)) touching = i;
+      if (is_ear(i, left)) return i;
     }
-    for (const std::uint32_t choice : {touching, flat, convex})
+    for (std::size_t n = 0; n < left; ++n, i = next_[i])
+      if (area(i) > tolerance_ && inside(i, left, -tolerance_) == kNone) return i;
+    for (const std::uint32_t choice : {flat, convex})
       if (choice != kNone) return choice;
     return start;
   }
@@ -64,29 +67,40 @@ class EarClipper {
   // The outline goes there and back.
   bool is_spike(std::uint32_t i) const { return p_[before_[i]] == p_[next_[i]]; }
 
-  // Whether no other corner lies in the triangle at i, with a margin. Corners at the same place do not count.
-  bool is_empty(std::uint32_t i, std::size_t left, double margin) const {
+  bool is_ear(std::uint32_t i, std::size_t left) {
+    std::uint32_t& q = in_the_way_[i];
+    if (q == kNone || is_cut_[q]) q = inside(i, left, tolerance_);
+    return q == kNone;
+  }
+
+  // Another corner in the triangle at i, with a margin; corners at the same place do not count.
+  std::uint32_t inside(std::uint32_t i, std::size_t left, double margin) const {
     const glm::dvec2 &a = p_[before_[i]], &b = p_[i], &c = p_[next_[i]];
     std::uint32_t k = next_[next_[i]];
     for (std::size_t n = 3; n < left; ++n, k = next_[k]) {
       const glm::dvec2& q = p_[k];
       if (q == a || q == b || q == c) continue;
       if (cross(b - a, q - a) >= -margin && cross(c - b, q - b) >= -margin && cross(a - c, q - c) >= -margin)
-        return false;
+        return k;
     }
-    return true;
+    return kNone;
   }
 
   void clip(std::uint32_t i) {
     if (std::abs(area(i)) > 0.0) triangles_.emplace_back(before_[i], i, next_[i]);
     next_[before_[i]] = next_[i];
     before_[next_[i]] = before_[i];
+    is_cut_[i] = true;
+    in_the_way_[before_[i]] = in_the_way_[next_[i]] = kNone;  // other triangles now
   }
 
   static constexpr std::uint32_t kNone = ~0u;
 
   std::vector<glm::dvec2> p_;
   std::vector<std::uint32_t> next_, before_;
+  std::vector<std::uint32_t>
+      in_the_way_;  // by corner: another one in its triangle, perhaps cut off since; kNone: unknown
+  std::vector<bool> is_cut_;
   std::vector<glm::uvec3> triangles_;
   double tolerance_;
 };

@@ -53,7 +53,7 @@ std::size_t address_space() {
   try {
     said = attempt();
   } catch (const std::bad_alloc&) {
-    said = "takes too much memory to read";
+    said = kTooMuchMemory;
   } catch (const std::exception& error) {
     said = error.what();
   } catch (...) {

@@ -7,6 +7,8 @@
 
 namespace icbench::importing {
 
+inline constexpr const char* kTooMuchMemory = "takes too much memory to read";
+
 /// Runs `attempt` in a child process with its output closed, that may take `bytes` of memory beyond what this
 /// one has (not limited under AddressSanitizer, which reserves address space without measure) and `seconds`
 /// of processor time. Returns what keeps this process from doing the same: the text that `attempt` returned,
