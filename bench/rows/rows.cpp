@@ -189,10 +189,11 @@ void add_animations(std::vector<Row>& rows) {
          Relation::at_most, 0.33,
          [setting](const Machine& machine) { return temporal_visible(machine, setting); }});
   }
-  rows.push_back({"tic_memory",
-                  "bytes kept of a record by temporal instant caching beside the cache and the gradients, which "
-                  "instant caching keeps as well / 64 and a bit a virtual light",
-                  Relation::at_most, 1.0, temporal_memory});
+  rows.push_back(
+      {"tic_memory",
+       "bytes kept of a record by temporal instant caching beside the cache and the gradients, which "
+       "instant caching keeps as well / 64 and a bit a virtual light",
+       Relation::at_most, 1.0, temporal_memory});
 }
 
 // What cached pictures cost, and how far they are from the truth.

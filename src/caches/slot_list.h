@@ -142,8 +142,7 @@ class SlotPool {
   };
 
   /// `ahead`: records that memory may be taken for beforehand.
-  explicit SlotPool(std::uint64_t units, std::uint64_t ahead = 0)
-      : pool_(units, ahead * kWorstUnits) {}
+  explicit SlotPool(std::uint64_t units, std::uint64_t ahead = 0) : pool_(units, ahead * kWorstUnits) {}
 
   /// A slot that has been handed out to one thread and is not visible yet; none is false.
   class Place {

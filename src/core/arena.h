@@ -44,8 +44,8 @@ class Arena {
     // From where a large page begins, if there are to be any.
     const std::size_t alignment = large_pages == LargePages::never ? 1 : kLargePage;
     std::size_t reserved = bytes(units_) + alignment - 1;
-    void* memory = ::mmap(nullptr, reserved, PROT_READ | PROT_WRITE,
-                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    void* memory =
+        ::mmap(nullptr, reserved, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     if (memory == MAP_FAILED)
       fail_setup("cannot reserve address space for the cache's pool; lower its capacity");
     reserved_ = memory;
