@@ -32,21 +32,34 @@ TEST_P(Contract, SeesExactlyTheValidRecords) {
   EXPECT_GT(most, 5u) << "the test's records hardly overlap";
 }
 
-/// Mappings of this process for which large pages were asked; nothing if the system does not tell.
-std::optional<int> mappings_on_large_pages() {
+/// Of this process, the memory for which large pages were asked; nothing if the system does not tell.
+struct LargeMappings {
+  std::size_t bytes = 0;
+  bool are_whole = true;  ///< each from where a large page begins to where one ends
+};
+std::optional<LargeMappings> mappings_on_large_pages() {
   std::ifstream maps("/proc/self/smaps");
-  std::optional<int> count;
+  std::optional<LargeMappings> found;
+  std::size_t begin = 0, end = 0;
   for (std::string line; std::getline(maps, line);) {
+    std::size_t from = 0, to = 0;
+    if (std::sscanf(line.c_str(), "%zx-%zx ", &from, &to) == 2) {
+      begin = from;
+      end = to;
+    }
     if (!line.starts_with("VmFlags:")) continue;
-    count = count.value_or(0) + (line.find(" hg") != std::string::npos ? 1 : 0);
+    if (!found) found.emplace();
+    if (line.find(" hg") == std::string::npos) continue;
+    found->bytes += end - begin;
+    found->are_whole &= begin % kLargePage == 0 && end % kLargePage == 0;
   }
-  return count;
+  return found;
 }
 
 TEST_P(Contract, LargePagesAreAskedForAsToldAndChangeNoAnswer) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   const auto records = random_records(300, 1);
-  const std::optional<int> before = mappings_on_large_pages();
+  const std::optional<LargeMappings> before = mappings_on_large_pages();
   constexpr std::uint32_t kLarge = 1u << 16;
   struct Asked {
     LargePages pages;
@@ -67,7 +80,12 @@ TEST_P(Contract, LargePagesAreAskedForAsToldAndChangeNoAnswer) {
     }
     if (!before || GetParam().traits.structure != "packed") continue;
     const bool asks = pages == LargePages::always || (pages == LargePages::when_large && capacity > kLarge);
-    EXPECT_EQ(*mappings_on_large_pages() > *before, asks) << static_cast<int>(pages) << ' ' << capacity;
+    const LargeMappings now = *mappings_on_large_pages();
+    EXPECT_EQ(now.bytes > before->bytes, asks) << static_cast<int>(pages) << ' ' << capacity;
+    if (pages != LargePages::when_large || !asks) continue;
+    // What the capacity fills, in whole pages, of one octree or of two.
+    EXPECT_TRUE(now.are_whole);
+    EXPECT_LE(now.bytes - before->bytes, std::size_t{2} * 150 * capacity);
   }
 }
 

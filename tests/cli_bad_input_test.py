@@ -207,6 +207,12 @@ class BadInput(Case):
             with self.subTest(said):
                 self.refuse(*small_render(scene="far.gltf"), says=["far.gltf", said + " has a coordinate of"])
 
+    def test_an_error_is_one_line_where_there_would_be_notes(self):
+        (self.folder / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        self.assertIn("note: has no camera", self.run_icbench(*small_render(scene="bare.obj", out="a.exr")).stderr)
+        self.refuse(*small_render(scene="bare.obj", frame=99), says=["--frame 99", "has 1 frame"])
+        self.refuse(*small_render(scene="bare.obj", vpls=4, frame=99), says=["--frame 99"])
+
     def test_what_cannot_be_simulated(self):
         (self.folder / "costs.json").write_text('{"format": "icbench calibration of simulations"}')
         for arguments, part in ((["--cores", "0"], "--cores"), (["--cores", "1,1"], "twice"),

@@ -19,7 +19,7 @@ from cli_support import ICBENCH, PATIENCE, SANITIZED, Case
 MODELS = Path(os.environ.get("ICBENCH_MODELS", "/usr/share/assimp/models"))
 # What models name, or what explains them.
 NO_MODELS = {".bin", ".bmp", ".frag", ".glsl", ".jpg", ".md", ".mtl", ".png", ".tga", ".txt", ".uc", ".vert"}
-FEWEST_READ, FEWEST_REFUSED = 200, 50  # of 264 and 178 of version 5.2.5
+KNOWN, KNOWN_REFUSED = 442, 178  # of version 5.2.5
 
 
 def models():
@@ -45,19 +45,21 @@ class ForeignModels(Case):
                     self.assert_refused(done)
                     self.assertNotIn("std::", done.stderr)
             refused += done.returncode == 2
-        self.assertGreaterEqual(len(results) - refused, FEWEST_READ)
-        self.assertGreaterEqual(refused, FEWEST_REFUSED)
+        self.assertGreater(len(results), 2 * refused)
+        self.assertGreater(refused, 0)
+        if len(results) == KNOWN:
+            self.assertEqual(refused, KNOWN_REFUSED)
 
     def test_gltf_with_an_animation_moves(self):
         for source in ("ASE/anim.ASE", "ASE/RotatingCube.ASE", "LWS/move_x.lws"):
             with self.subTest(source):
-                shutil.rmtree(self.folder / "frames", ignore_errors=True)
                 subprocess.run(["assimp", "export", MODELS / source, "moving.glb", "-fglb2"], cwd=self.folder, check=True,
                                capture_output=True, timeout=PATIENCE)
                 self.succeed("animate", "--scene", "moving.glb", "--integrator", "temporal_instant_caching", "--vpls", 64,
-                             "--size", "48x36", "--frames", 24, "--every", 23, "--format", "png", "--out", "frames")
-                first, last = sorted((self.folder / "frames").glob("*.png"))
-                self.assertNotEqual(first.read_bytes(), last.read_bytes())
+                             "--size", "48x36", "--frames", 24, "--every", 23, "--format", "none", "--json", "a.json")
+                first, last = self.load("a.json")["frames"]
+                self.assertGreater(first["records"], 0)
+                self.assertGreater(last["records_dropped"], 0, "records lie on what moved")
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ class Memory : public Experiment {
       : rays_(make_scene("cornell_box")), plan_(plan_of(records, rays_, machine.seed)), resident_(resident) {}
 
   Sample sample() override {
-    const std::size_t before = resident_bytes();
+    const std::size_t before = resident_ ? resident_bytes() : 0;
     PackedWaitFree<> cache(plan_.config(1));
     fill(cache, plan_);
     const std::size_t bytes = resident_ ? resident_bytes() - before : cache.memory_bytes();

@@ -128,7 +128,8 @@ void add_packed(std::vector<Row>& rows) {
         fmt::format("bytes a record of packed_wait_free with {} of them / 150", words), Relation::at_most,
         1.0, [records = records](const Machine& machine) { return packed_memory(machine, records); });
     add(fmt::format("packed_memory_resident_{}", records),
-        fmt::format("the same of resident memory, in part taken ahead, with {} of them", words),
+        fmt::format("resident bytes a record of packed_wait_free with {} of them, in part taken ahead / 150",
+                    words),
         Relation::at_most, 1.0,
         [records = records](const Machine& machine) { return packed_memory_resident(machine, records); });
   }

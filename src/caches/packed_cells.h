@@ -95,8 +95,9 @@ class PackedCells {
   PackedCells(std::uint64_t records, std::uint64_t sessions, std::uint64_t spare_room, LargePages large_pages)
       : grid_level_(grid_level(records)),
         sessions_(sessions),
+        expected_bricks_(records / kPerBrick + 1),
         grid_(dense_entries(), 0, large_pages, dense_entries()),
-        bricks_(top_cells() + sessions * kIdleBricks + 1, 0, large_pages, records / kPerBrick),
+        bricks_(top_cells() + sessions * kIdleBricks + 1, 0, large_pages, expected_bricks_),
         nodes_(spare_room * records * worst_nodes() + sessions * kIdleNodes + 1, records / kPerNode,
                large_pages, records / kPerNode),
         cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, records / kPerCell, large_pages,
@@ -213,7 +214,7 @@ class PackedCells {
   /// Takes and touches memory for about n inserts of one session, ahead.
   void prefault(Workspace& w, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
-    bricks_.populate(sessions_ * n / kPerBrick);
+    bricks_.populate(std::min(sessions_ * n, expected_bricks_));
     w.nodes_.prefault(nodes_, n / kPerNode, kNodeBytes);
     w.cells_.prefault(cells_, n / kPerCell, kCellBytes);
     w.more_.prefault(more_, n / kPerMore, kMoreBytes);
@@ -221,7 +222,7 @@ class PackedCells {
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
-    bricks_.populate((std::uint64_t{offset} + n) / kPerBrick);
+    bricks_.populate(std::min(std::uint64_t{offset} + n, expected_bricks_));
     nodes_.touch(offset / kPerNode, n / kPerNode);
     cells_.touch(offset / kPerCell, n / kPerCell);
     more_.touch(offset / kPerMore, n / kPerMore);
@@ -318,7 +319,7 @@ class PackedCells {
   }
 
   int grid_level_;
-  std::uint64_t sessions_;
+  std::uint64_t sessions_, expected_bricks_;
   Grid grid_;
   Bricks bricks_;
   Nodes nodes_;

@@ -99,6 +99,7 @@ void animate_command(const AnimateOptions& o) {
     require_no_others(o, rendered);
   }
 
+  setup.tell_notes();
   Progress progress("animate", static_cast<double>(rendered.size()) * frame_work(setup.request()));
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());

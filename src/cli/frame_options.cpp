@@ -126,8 +126,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     threads = 1;
   }
   team_ = std::make_unique<ThreadTeam>(topology, placement, threads);
-  std::vector<std::string> notes;
-  Scene scene = make_scene(o.scene, &notes);
+  Scene scene = make_scene(o.scene, &notes_);
   rays_ = std::make_unique<RayTracer>(std::move(scene));
   request_ =
       std::make_unique<FrameRequest>(FrameRequest{*rays_,  *team_,          integrator, cache,
@@ -136,9 +135,11 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
                                                   tiles,   o.seed,          {},         o.cell_size,
                                                   o.paths, o.deterministic, o.overture, o.leak_guard});
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
-  // Behind all that refuses: an error is one line.
-  for (const std::string& note : notes) fmt::print(stderr, "note: {}\n", note);
-  warn_of_options_without_effect(o, integrator);
+}
+
+void FrameSetup::tell_notes() const {
+  for (const std::string& note : notes_) fmt::print(stderr, "note: {}\n", note);
+  warn_of_options_without_effect(options_, request_->integrator);
 }
 
 nlohmann::ordered_json FrameSetup::asked() const {

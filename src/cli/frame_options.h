@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "harness/thread_team.h"
 #include "render/ray_tracer.h"
@@ -34,9 +35,12 @@ void add_frame_options(CLI::App* app, FrameOptions& o);
 /// The scene, the threads and the renderer that the options ask for.
 class FrameSetup {
  public:
-  /// Throws std::runtime_error with one line for options that cannot be met. A line on standard error names those that
-  /// were given and have no effect on the integrator.
+  /// Throws std::runtime_error with one line for options that cannot be met.
   explicit FrameSetup(const FrameOptions& o);
+
+  /// Lines on standard error: what the scene's file has that is left out or stands for something else, and which options
+  /// were given and have no effect on the integrator. To be called once nothing is refused any more.
+  void tell_notes() const;
 
   RayTracer& rays() noexcept { return *rays_; }
   FrameRequest& request() noexcept { return *request_; }
@@ -49,6 +53,7 @@ class FrameSetup {
   std::unique_ptr<ThreadTeam> team_;
   std::unique_ptr<RayTracer> rays_;
   std::unique_ptr<FrameRequest> request_;
+  std::vector<std::string> notes_;
 };
 
 /// Adds the figures of a frame, or of several together, to `j`; those that the integrator has.

@@ -193,6 +193,7 @@ void pareto_command(const ParetoOptions& o) {
                               o.repetitions,   o.reference_spp,   o.seed};
   require_memory(fmt::format("{} settings at {}", points.size(), o.size),
                  pareto_bytes(request, points.size()));
+  setup.tell_notes();
 
   const Topology topology = Topology::of_this_process();
   const unsigned threads = setup.request().team.size();

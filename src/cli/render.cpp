@@ -157,6 +157,7 @@ void render_command(const RenderOptions& o) {
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());
   require_plain_records(o, renderer);
+  setup.tell_notes();
   const FrameCost cost = renderer.render(o.frame);
   Image picture = renderer.picture();
   if (o.is_unbiased) renderer.add_residual(picture);

@@ -114,6 +114,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
       setup.request(), scene, o.number, placement_of(o.frame.placement), o.repetitions, o.reference_spp};
   require_memory(fmt::format("{} pictures of {}", points.size(), o.frame.size),
                  repeatability_bytes(request, points.size()));
+  setup.tell_notes();
 
   RunInfo info;
   info.command_line = command_line();

@@ -60,6 +60,7 @@ void capture_command(const CaptureOptions& o) {
                                                   static_cast<std::uint64_t>(request.width) *
                                                   static_cast<std::uint64_t>(request.height));
   request.trace = &recorder;
+  setup.tell_notes();
   Progress progress("capture", o.frames * frame_work(request));
   request.progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(request);

@@ -7,7 +7,7 @@
 
 namespace icbench::importing {
 
-/// Most corners of a polygon: the time grows with their square.
+/// Most corners of a polygon: the time grows with their square, as a rule.
 inline constexpr std::size_t kMaxCorners = 10'000;
 
 /// Cuts a planar polygon into triangles of its corners, by ear clipping (Meisters 1975). It may be concave,

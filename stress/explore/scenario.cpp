@@ -57,6 +57,13 @@ constexpr Scenario kScenarios[] = {
     {"inserts_and_batch", {"i1", "i1", "bb"}, true, 0, true},
 };
 
+static_assert(std::all_of(std::begin(kScenarios), std::end(kScenarios),
+                          [](const Scenario& s) {
+                            constexpr unsigned kInserts = 8;  // of threads, warming up included
+                            return s.before + s.nearby + kInserts <= LoggedOperation::kMostSeen;
+                          }),
+              "a query tells of all that it sees");
+
 }  // namespace
 
 std::span<const Scenario> all_scenarios() { return kScenarios; }
