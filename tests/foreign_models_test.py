@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Scene files that others made: assimp's test models, as Debian's package assimp-testmodels installs them, broken ones among
-them. Each is rendered, or refused in one line; and glTF with an animation, written by assimp from such a model, moves.
+"""Scene files that others made: assimp's test models, as Debian's package assimp-testmodels installs them, broken ones
+among them. Each is rendered, or refused in one line; and glTF with an animation, written by assimp from such a model,
+moves.
 
 Skipped (status 77) where the package, or assimp-utils, is not installed, and in sanitizer builds, for it is assimp that
 would be tested; ICBENCH_MODELS names another folder.

@@ -34,8 +34,8 @@ template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
   /// Reserves address space for `units` units. Fails at set-up with one line if the system has none. `ahead`: units over
-  /// these for take_ahead, as far as there are indices. `expected`: those that will be used, as a rule; `when_large` asks
-  /// for as many large pages as these fill, since one that is used in part is resident as a whole.
+  /// these for take_ahead, as far as there are indices. `expected`: those that will be used, as a rule; `when_large`
+  /// asks for as many large pages as these fill, since one that is used in part is resident as a whole.
   explicit Arena(std::uint64_t units, std::uint64_t ahead = 0, LargePages large_pages = LargePages::never,
                  std::uint64_t expected = 0)
       : units_(std::min<std::uint64_t>(units + ahead + 1, UINT32_MAX)),

@@ -30,7 +30,7 @@ constexpr Scenario kScenarios[] = {
     {"grow", {"i0", "i0"}, true, 4, false},
     {"look_between", {"i1", "i0 q", "q"}, true, 0, false},
     {"insert_batch", {"i1", "bb"}, true, 0, false},
-    // What the packed octree has beside a cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
+    // Beside a packed cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
     {"install_node", {"i3", "i3"}, true, 0, false, "packed"},
     {"node_query", {"i3", "q"}, true, 0, false, "packed"},
     {"install_brick", {"i3", "i3"}, true, 0, false, "packed", 0, kWithBricks},
