@@ -11,12 +11,15 @@
 // all of them are there. A hit that a record was made at keeps the record's irradiance.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <type_traits>
 #include <vector>
 
 #include "core/interpolation.h"
+#include "core/random.h"
 #include "core/types.h"
 #include "image/image.h"
 #include "render/caustics.h"
@@ -120,14 +123,49 @@ class ShapedHemisphereSource final : public RecordSource {
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
 
-/// Asks the cache, and tells `source` which records answered. Sum is an Interpolator, an Extrapolator or a GuardedSum.
+/// A number for a place, by which records can be put in an order that has nothing to do with how they are found.
+/// Coordinates alone would not do: all records of a wall may share one.
+inline std::uint64_t hash_of(const glm::vec3& p) noexcept {
+  const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
+  return mix64(mix64(bits(p.x) << 32 | bits(p.y)) ^ bits(p.z));
+}
+
+/// Which record a query cannot do without. Any one that covers its point would do; it is the first by the hash of its
+/// place, so that queries which share records agree on few, in whatever order they find them.
+class NeededRecord {
+ public:
+  void offer(const Record& r, std::uint64_t order) noexcept {
+    if (record_ && order >= order_) return;
+    record_ = r;
+    order_ = order;
+  }
+  void tell(RecordSource& source) const noexcept {
+    if (record_) source.used(*record_);
+  }
+
+ private:
+  std::optional<Record> record_;
+  std::uint64_t order_ = 0;
+};
+
+/// Asks the cache, and tells `source` which record is needed for that; under the guard against leaks, which may leave
+/// out any of them, all that answered. Sum is an Interpolator, an Extrapolator or a GuardedSum.
 template <class Session, class Sum>
 std::optional<Irradiance> query_telling(Session& session, RecordSource& source, const SurfacePoint& x,
                                         Sum&& sum) noexcept {
+  NeededRecord needed;
   session.visit(x, [&](const Record& r, float weight) noexcept {
     sum(r, weight);
-    source.used(r);
+    if constexpr (std::is_same_v<std::remove_cvref_t<Sum>, GuardedSum>) {
+      source.used(r);
+    } else if constexpr (std::is_same_v<std::remove_cvref_t<Sum>, Extrapolator>) {
+      const Contribution c = sum.of(r, weight);
+      if (c.w > 0.0f && c.covers) needed.offer(r, hash_of(r.p));
+    } else {
+      needed.offer(r, hash_of(r.p));
+    }
   });
+  needed.tell(source);
   return sum.result();
 }
 

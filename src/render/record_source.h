@@ -83,7 +83,7 @@ class RecordSource {
   /// What the records carry beside the cache, if queries are to extrapolate by it; else null. Always the same.
   virtual RecordShapes* shapes() noexcept { return nullptr; }
 
-  /// Whether a query has to tell the records it used, by `used`, in this frame.
+  /// Whether a query has to tell which records it needs, by `used`, in this frame (NeededRecord).
   virtual bool wants_use() const noexcept { return false; }
   virtual void used(const Record& record) noexcept;
 

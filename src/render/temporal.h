@@ -24,10 +24,16 @@
 // answers was worked out before, and is looked up by id. The cache alone keeps irradiance from frame to frame, so only
 // update() can tell whether a sum that was taken anew differs from what it was.
 //
-// Records that no pixel uses any more cost as much as others: when the number of records has grown by kGrowth (or
-// kLeastGrowth) since this was last done, after kSweepUpdates updates, or when there is no room for a new one, the
-// queries of one frame tell which records they use, and the others are dropped as the next frame begins. So their
-// number stays near the number in use, for ever; between such frames queries tell nothing and nothing is paid for.
+// Records that no pixel uses any more cost as much as others, and so do those that others make superfluous: when the
+// number of records has grown by kGrowth (or kLeastGrowth) since this was last done, after kSweepUpdates updates, or
+// when there is no room for a new one, the queries of one frame tell which records they need, one each (NeededRecord),
+// and the others are dropped as the next frame begins. So there stay about as many as would be made anew, for ever;
+// between such frames queries tell nothing and nothing is paid for.
+//
+// Where so much moves that an update would take most of the rays that new records do (share_to_update), which is asked
+// of a few records each time, nothing is kept but light paths: all records are dropped, and made as those on meshes
+// that move are, with fast packing. The next change then drops them in any case. So a frame takes no longer than one of
+// instant caching, but for little.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is. A guard against leaks (render/leak_guard.h) keeps nothing.
@@ -70,6 +76,9 @@ class MovingShadows {
                                           std::vector<std::uint64_t>& suspects,
                                           std::vector<std::uint64_t>& seen) const noexcept;
 
+  /// Sets the bit of each VPL that something that moves may hide from the point, and no others.
+  void mark(const RayTracer& rays, const Hit& point, std::span<std::uint64_t> suspects) const noexcept;
+
  private:
   MovedBoxes boxes_;  // of all that can move
   SegmentEnds ends_;  // the VPLs, for segments to them that these may cut
@@ -96,6 +105,11 @@ class TemporalSource final : public RecordSource {
   /// The VPLs of this frame.
   const VplSet& vpls() const noexcept { return vpls_; }
 
+  /// How the rays of records on a mesh are packed in this frame.
+  Packing packing(std::uint32_t mesh) const noexcept {
+    return all_anew_ ? Packing::fast : record_packing(rays_, mesh);
+  }
+
  private:
   enum class Verdict : std::uint8_t {
     keep,     // nothing changed
@@ -104,6 +118,17 @@ class TemporalSource final : public RecordSource {
     changed,  // the same, and something did change
     drop,
     insert  // drop, and insert again
+  };
+
+  // Shadow rays of records made anew, and of their update: to VPLs that moved, and past what may move.
+  struct Rays {
+    std::uint64_t anew = 0, to_moved = 0, past_moving = 0;
+    Rays& operator+=(const Rays& o) noexcept {
+      anew += o.anew;
+      to_moved += o.to_moved;
+      past_moving += o.past_moving;
+      return *this;
+    }
   };
 
   // What a thread needs for a record, and what it did.
@@ -118,6 +143,7 @@ class TemporalSource final : public RecordSource {
     std::uint64_t homeless = 0;  // of those, without an id
     KeptRecord homeless_record;
     bool out_of_room = false;  // here or in the cache
+    Rays rays;                 // of the records that share_to_update looked at
   };
 
   // What a frame's change means for records.
@@ -132,6 +158,8 @@ class TemporalSource final : public RecordSource {
   };
 
   void count_new_records() noexcept;
+  double share_to_update(const Change& change, Crew& crew);
+  void forget_records();
   void begin_sweep_if_due() noexcept;
   Verdict reconsider(Tracer& tracer, Worker& w, const Change& change, std::uint32_t id) noexcept;
   std::span<const std::uint64_t> see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point,
@@ -142,6 +170,7 @@ class TemporalSource final : public RecordSource {
   float radius_of(std::uint32_t id, const DistanceCodes& distances) const noexcept;
   Irradiance light_from(std::span<const std::uint64_t> seen, const Hit& point,
                         IrradianceGradients& gradients) const noexcept;
+  Irradiance gather(Tracer& tracer, const Hit& point, IrradianceGradients& gradients) const noexcept;
   float reshape(std::uint32_t id, const Irradiance& E, const IrradianceGradients& gradients) noexcept;
   void forget_verdicts() noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
@@ -159,6 +188,7 @@ class TemporalSource final : public RecordSource {
   std::vector<Verdict> verdicts_;
   std::vector<Irradiance> renewed_;  // W/m^2; of the records renewed or changed
   std::vector<Record> to_insert_;
+  bool all_anew_ = false;  // the records of this frame; the next change then drops them
   bool sweeping_ = false;
   bool started_ = false;
   bool out_of_room_ = false;

@@ -267,6 +267,15 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
   asked.answer();
 }
 
+std::uint64_t count_facing(const Hit& hit, const VplArrays& vpls,
+                           std::span<const std::uint64_t> which) noexcept {
+  std::uint64_t count = 0;
+  for (std::size_t w = 0; w < vpls.words(); ++w)
+    if (which[w] != 0)
+      count += static_cast<std::uint64_t>(std::popcount(which[w] & facing(hit, WordOfVpls(vpls, w))));
+  return count;
+}
+
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp) noexcept {
   Lit lit(hit, vpls, clamp);

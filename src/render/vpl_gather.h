@@ -43,6 +43,10 @@ void trace_visibility(Tracer& tracer, const Hit& hit, const VplArrays& vpls,
                       std::span<const std::uint64_t> which, std::span<std::uint64_t> bits,
                       Packing packing = Packing::exact, Shapes shapes = Shapes::all) noexcept;
 
+/// How many of the VPLs in `which` lie above both horizons: the shadow rays that trace_visibility takes for them.
+std::uint64_t count_facing(const Hit& hit, const VplArrays& vpls,
+                           std::span<const std::uint64_t> which) noexcept;
+
 /// Irradiance, W/m^2, from the VPLs whose bit is set, of which each lies above both horizons. Finite.
 Irradiance irradiance_from(std::span<const std::uint64_t> bits, const Hit& hit, const VplArrays& vpls,
                            float clamp) noexcept;

@@ -16,12 +16,6 @@ namespace {
 constexpr unsigned kCoarsest = 8;  // pixels between those of the first wave; a power of two
 constexpr std::size_t kAskedAtOnce = 64;
 
-// Coordinates alone would not do: all records of a wall may share one.
-std::uint64_t hash_of(const glm::vec3& p) noexcept {
-  const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
-  return mix64(mix64(bits(p.x) << 32 | bits(p.y)) ^ bits(p.z));
-}
-
 bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
   if (((x | y) & (spacing - 1)) != 0) return false;
   return spacing == kCoarsest || ((x | y) & (2 * spacing - 1)) != 0;
@@ -59,17 +53,19 @@ void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
 void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
   Query& query = queries_[i];
   const SurfacePoint& x = points_[i];
-  if (tells_use_) source_.used(r);
+  if (tells_use_ && guarded_) source_.used(r);
   if (clamps_) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
   const Contribution c =
       query.extrapolator ? query.extrapolator->of(r, weight) : Contribution{r.E, weight, true};
   if (!(c.w > 0.0f)) return;
+  const std::uint64_t order = hash_of(r.p);
+  if (tells_use_ && !guarded_ && c.covers) query.needed.offer(r, order);
   std::uint32_t ray = kTrusted;
   if (guarded_ && is_suspect(x, r, shapes_->details.marks(r.id))) {
     ray = static_cast<std::uint32_t>(query.rays.size());
     query.rays.push_back(leak_ray(tracer_->shared(), x, r));
   }
-  query.answers.push_back({hash_of(r.p), c.E.x, c.E.y, c.E.z, c.w, c.covers, ray});
+  query.answers.push_back({order, c.E.x, c.E.y, c.E.z, c.w, c.covers, ray});
 }
 
 Reply Answers::settle(std::size_t i) noexcept {
@@ -88,6 +84,8 @@ Reply Answers::settle(std::size_t i) noexcept {
       if (a.ray != kTrusted && guard.is_worth_a_ray(a.brings())) guard.add(a.brings(), query.rays[a.ray]);
     guard.judge();
   }
+  query.needed.tell(source_);
+  query.needed = {};
   const Reply reply{sum.result(), query.most_R};
   query.answers.clear();
   query.rays.clear();

@@ -43,6 +43,7 @@
 #include "core/types.h"
 #include "render/crew.h"
 #include "render/indirect_pass.h"
+#include "render/irradiance_cache.h"
 #include "render/primary.h"
 #include "render/record_source.h"
 #include "render/tiles.h"
@@ -100,6 +101,7 @@ class Answers {
     std::optional<Extrapolator> extrapolator;  // where records are extrapolated
     std::vector<Answer> answers;
     std::vector<Ray> rays;
+    NeededRecord needed;
     float most_R = std::numeric_limits<float>::infinity();
   };
 
