@@ -1,12 +1,14 @@
 // What temporal instant caching keeps of each record beside the cache: 48 bytes, and a bit for every slot of a virtual
-// light. Slots come in words of 64, which costs 4 bytes a record on average. Irradiance is in the cache alone.
+// light, unless the record does without. Slots come in words of 64, which costs 4 bytes a record on average. Irradiance
+// is in the cache alone.
 //
-// Records are named by a 32-bit id, which is their place here. Blocks of 16 are taken from the system as they are
-// needed, so memory follows the number of records, but for a pointer a block of the capacity; threads draw free ids in
-// batches of a block. What a thread writes to an id of its own is read by others only between frames, when all is
-// quiescent.
+// Records are named by a 32-bit id, which is their place here. Blocks of 16, with bits or without, are taken from the
+// system as they are needed, so memory follows the number of records, but for a pointer a block of the capacity;
+// threads draw free ids in batches of a block. What a thread writes to an id of its own is read by others only between
+// frames, when all is quiescent.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <cstring>
@@ -46,6 +48,9 @@ static_assert(
 
 inline constexpr std::uint16_t kManyMeshes = std::numeric_limits<std::uint16_t>::max();
 
+/// Whether a bit is kept for each virtual light of a record.
+enum class LightBits : std::uint8_t { no, yes };
+
 class RecordTable {
  public:
   static constexpr std::uint32_t kBlock = RecordDetails::kBlock;  // theirs go by the same ids
@@ -55,19 +60,24 @@ class RecordTable {
   RecordTable(std::uint32_t capacity, unsigned threads)
       : blocks_(capacity / kBlock + threads + 1), purses_(threads) {}
 
-  /// Makes room for this many words of visibilities in each record, no fewer than there are; new ones are 0. Quiescent.
+  /// Makes room for this many words of bits in each record that has any, no fewer than there are; new ones are 0.
+  /// Quiescent.
   void widen(std::size_t words);
 
-  /// An id that nobody uses, the same until `keep`; kNone if there is none left. By one thread for itself.
-  std::uint32_t draft(unsigned thread) {
-    Purse& purse = purses_[thread];
-    if (purse.ids.empty()) refill(purse);
-    return purse.ids.empty() ? kNone : purse.ids.back();
+  /// An id that nobody uses, with bits or without, the same until `keep`; kNone if there is none left. By one thread for
+  /// itself.
+  std::uint32_t draft(unsigned thread, LightBits bits) {
+    std::vector<std::uint32_t>& ids = purses_[thread].ids[static_cast<std::size_t>(bits)];
+    if (ids.empty()) refill(ids, bits);
+    return ids.empty() ? kNone : ids.back();
   }
   /// The drafted id is in use from now on.
-  void keep(unsigned thread) noexcept { purses_[thread].ids.pop_back(); }
+  void keep(unsigned thread, std::uint32_t id) noexcept {
+    purses_[thread].ids[static_cast<std::size_t>(bits_of(id))].pop_back();
+  }
 
   KeptRecord& operator[](std::uint32_t id) noexcept { return block(id)->records[id % kBlock]; }
+  /// Bit i of word w for the light in slot 64 w + i; of an id with bits.
   std::span<std::uint64_t> visible(std::uint32_t id) noexcept {
     return {block(id)->bits.get() + (id % kBlock) * words_, words_};
   }
@@ -76,58 +86,46 @@ class RecordTable {
   std::uint32_t end() const noexcept { return blocks_used() * kBlock; }
 
   /// Gives ids back. Quiescent.
-  void release(std::span<const std::uint32_t> ids) {
-    for (const std::uint32_t id : ids) (*this)[id].state = KeptRecord::free;
-    released_.erase(released_.begin(), released_.begin() + static_cast<std::ptrdiff_t>(taken()));
-    released_.insert(released_.end(), ids.begin(), ids.end());
-    taken_.store(0, std::memory_order_relaxed);  // quiescent
-  }
+  void release(std::span<const std::uint32_t> ids);
 
-  /// Bytes taken so far, pointers to blocks that are not in use aside.
-  std::size_t bytes() const noexcept {
-    return blocks_used() * (sizeof(blocks_[0]) + sizeof(Block) + kBlock * words_ * sizeof(std::uint64_t));
-  }
+  /// Gives all back, and the memory. Quiescent.
+  void clear() noexcept;
+
+  /// Bytes taken so far, pointers to blocks that are not in use aside. Quiescent.
+  std::size_t bytes() const noexcept;
 
  private:
   struct Block {
-    explicit Block(std::size_t words) : bits(std::make_unique<std::uint64_t[]>(kBlock * words)) {}
     KeptRecord records[kBlock];
-    std::unique_ptr<std::uint64_t[]> bits;
+    std::unique_ptr<std::uint64_t[]> bits;  // LightBits::yes
   };
   struct alignas(kNoSharing) Purse {
+    std::vector<std::uint32_t> ids[2];  // by LightBits
+  };
+  // Ids that were given back.
+  struct alignas(kNoSharing) Released {
     std::vector<std::uint32_t> ids;
+    std::atomic<std::size_t> taken{0};  // of the first; may count on beyond the last
+
+    std::size_t gone() const noexcept {
+      return std::min<std::size_t>(taken.load(std::memory_order_relaxed), ids.size());
+    }
   };
 
   Block* block(std::uint32_t id) const noexcept { return blocks_[id / kBlock].get(); }
+  LightBits bits_of(std::uint32_t id) const noexcept {
+    return block(id)->bits != nullptr ? LightBits::yes : LightBits::no;
+  }
   std::uint32_t blocks_used() const noexcept {
     return std::min(next_block_.load(std::memory_order_relaxed), static_cast<std::uint32_t>(blocks_.size()));
   }
-  std::size_t taken() const noexcept {
-    return std::min<std::size_t>(taken_.load(std::memory_order_relaxed), released_.size());
-  }
-
-  // Relaxed throughout: counters only have to give distinct places; the lists behind them change when quiescent, and
-  // a block is used by the thread that took it until the next quiescent point.
-  void refill(Purse& purse) {
-    if (taken() < released_.size()) {
-      const std::size_t first = taken_.fetch_add(kBlock, std::memory_order_relaxed);
-      for (std::size_t i = first; i < std::min<std::size_t>(first + kBlock, released_.size()); ++i)
-        purse.ids.push_back(released_[i]);
-      if (!purse.ids.empty()) return;
-    }
-    if (next_block_.load(std::memory_order_relaxed) >= blocks_.size()) return;
-    const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
-    if (b >= blocks_.size()) return;
-    blocks_[b] = std::make_unique<Block>(words_);
-    for (std::uint32_t i = kBlock; i > 0; --i) purse.ids.push_back(b * kBlock + i - 1);
-  }
+  void refill(std::vector<std::uint32_t>& purse, LightBits bits);
 
   std::size_t words_ = 0;
   std::vector<std::unique_ptr<Block>> blocks_;
   std::vector<Purse> purses_;
-  std::vector<std::uint32_t> released_;
+  Released released_[2];  // by LightBits
   alignas(kNoSharing) std::atomic<std::uint32_t> next_block_{0};
-  alignas(kNoSharing) std::atomic<std::size_t> taken_{0};  // of released_
 };
 
 }  // namespace icbench

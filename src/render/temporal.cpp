@@ -178,10 +178,7 @@ double TemporalSource::share_to_update(const Change& c, Crew& crew) {
 
 void TemporalSource::forget_records() {
   figures_.records_dropped = live_ + std::exchange(homeless_, 0);
-  std::vector<std::uint32_t> all;
-  for (std::uint32_t id = 0; id < table_.end(); ++id)
-    if (table_[id].state != KeptRecord::free) all.push_back(id);
-  table_.release(all);
+  table_.clear();
   live_ = live_when_swept_ = 0;
   updates_since_sweep_ = 0;
   out_of_room_ = false;
@@ -373,7 +370,8 @@ void TemporalSource::refused(const Record& record) {
 Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& x,
                                 const SampleKey&) noexcept {
   Worker& w = workers_[thread];
-  const std::uint32_t id = table_.draft(thread);
+  const Packing packing = this->packing(x.hit.mesh);
+  const std::uint32_t id = table_.draft(thread, packing == Packing::exact ? LightBits::yes : LightBits::no);
   const bool has_room = id != RecordTable::kNone;  // else the record will do for this frame
   KeptRecord& r = has_room ? table_[id] : w.homeless_record;
   r.p = x.hit.p;
@@ -382,7 +380,6 @@ Record TemporalSource::evaluate(unsigned thread, Tracer& tracer, const Visible& 
   r.mesh = mesh_of(x.hit.mesh);
   const Hit point = record_point(r.p, r.n, r.ng);
   radius_.trace(tracer, point, RadiusRays::kAll, r.distances);
-  const Packing packing = this->packing(x.hit.mesh);
   const Compensation added = compensate_record(tracer, point, vpls_, clamp_, packing);
   IrradianceGradients gradients;
   Irradiance E;
@@ -413,7 +410,7 @@ void TemporalSource::settle(unsigned thread, const Record& record, InsertResult 
     ++w.homeless;
     return;
   }
-  table_.keep(thread);
+  table_.keep(thread, record.id);
   table_[record.id].state = KeptRecord::live;
   ++w.made;
 }
