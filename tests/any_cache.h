@@ -45,6 +45,7 @@ class AnyCache {
     virtual void end_frame() = 0;
     virtual void clear() = 0;
     virtual void update_records(const std::function<UpdateResult(Record&)>& f) = 0;
+    virtual bool tidy() = 0;
     virtual void for_each_record(const std::function<void(const Record&)>& f) const = 0;
     virtual Counts counters() const = 0;
     virtual std::size_t memory_bytes() const = 0;
@@ -84,6 +85,8 @@ class AnyCache {
   void end_frame() { functions_->end_frame(); }
   void clear() { functions_->clear(); }
   void update_records(const std::function<UpdateResult(Record&)>& f) { functions_->update_records(f); }
+  /// False where the cache has none.
+  bool tidy() { return functions_->tidy(); }
   void for_each_record(const std::function<void(const Record&)>& f) const { functions_->for_each_record(f); }
   Counts counters() const { return functions_->counters(); }
   std::size_t memory_bytes() const { return functions_->memory_bytes(); }
@@ -139,6 +142,14 @@ class TestedCache final : public AnyCache::CacheFunctions {
   void end_frame() override { cache_.end_frame(); }
   void clear() override { cache_.clear(); }
   void update_records(const std::function<UpdateResult(Record&)>& f) override { cache_.update_records(f); }
+  bool tidy() override {
+    if constexpr (TidyCache<Cache>) {
+      cache_.tidy();
+      return true;
+    } else {
+      return false;
+    }
+  }
   void for_each_record(const std::function<void(const Record&)>& f) const override {
     cache_.for_each_record(f);
   }

@@ -24,8 +24,18 @@ class Filled {
   /// Something with `query`.
   auto session() { return cache_.open_session(0); }
 
- private:
+ protected:
   Cache cache_;
+};
+
+/// A cache that was tidied once it was full.
+template <TidyCache Cache>
+struct Tidied {};
+
+template <class Cache>
+class Filled<Tidied<Cache>> : public Filled<Cache> {
+ public:
+  explicit Filled(const SyntheticPlan& plan) : Filled<Cache>(plan) { this->cache_.tidy(); }
 };
 
 /// Asks `asked`, something with `query`, at `queries` of `points` from number `first` on, round and round; adds to

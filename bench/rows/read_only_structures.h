@@ -30,6 +30,26 @@ class Filled<ReplicatedOctree> : public Built<ReplicatedOctree> {
   using Built::Built;
 };
 
+/// ReplicatedOctree of records in the order of space, in which its cells then lie.
+class ReplicatedInOrder : public ReplicatedOctree {
+ public:
+  ReplicatedInOrder(const CacheConfig& config, std::span<const Record> records)
+      : ReplicatedOctree(config, in_order(config, records)) {}
+
+ private:
+  static std::vector<Record> in_order(const CacheConfig& config, std::span<const Record> records) {
+    std::vector<Record> out;
+    for (const std::uint32_t i : order_in_space(records, OctreeAddressing(config.bounds)))
+      out.push_back(records[i]);
+    return out;
+  }
+};
+
+template <>
+class Filled<ReplicatedInOrder> : public Built<ReplicatedInOrder> {
+  using Built::Built;
+};
+
 /// What is left of a query to whom the valid records are told: reading, weighing and adding these.
 struct ToldRecords {};
 

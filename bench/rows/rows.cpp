@@ -115,6 +115,32 @@ void add_packed(std::vector<Row>& rows) {
         "time of the tests of lanes and records in packed_wait_free's queries by scalar code / by vectors",
         reading, target, packed_scalar_over_vector_kernels);
   }
+  // After tidy(): what lies near in space lies near in memory.
+  for (const Reading& reading : kReadings) {
+    const bool is_coherent = reading.workload.ends_with("coherent");
+    const double fastest = reading.workload.find("1000000") != reading.workload.npos ? 15.0 : 12.0;
+    add_reading("packed_tidied_query_speed",
+                "time of a wait_free query / of a packed_wait_free one, both tidied", reading, fastest,
+                tidied_query_over_ward);
+    add_reading(
+        "packed_tidied_query_replicated",
+        "time of a query to a scalar octree of whole records, made of them in the order of space / of a "
+        "packed_wait_free one, tidied",
+        reading, 3.0, tidied_query_over_replicated);
+    add_related("packed_tidied_live_over_frozen",
+                "time of a packed_wait_free query, tidied / of one to the same records frozen", reading,
+                Relation::at_most, is_coherent ? 1.4 : 1.25, tidied_query_over_frozen);
+    add_reading("packed_tidied_simd_speed",
+                "time of a packed_wait_free query by scalar code / by vectors, both tidied", reading,
+                is_coherent ? 3.3 : 3.0, tidied_scalar_over_simd);
+    add_reading("packed_tidied_gain",
+                "time of a packed_wait_free query / the same, tidied (1 is this suite's own choice)", reading,
+                1.0, untidied_query_over_tidied);
+  }
+  for (const Reading& reading : {kRandom, kMillion})
+    add_related("packed_tidy_over_insert",
+                "time to tidy packed_wait_free / to insert its records before (3 is this suite's own choice)",
+                reading, Relation::at_most, 3.0, packed_tidy_over_insert);
   for (const Reading& reading : kReadings)
     add_reading("packed_batch_speed", "time of single queries of packed_wait_free / of the same in a batch",
                 reading, 1.4, packed_single_over_batch);

@@ -35,6 +35,12 @@ std::unique_ptr<Experiment> packed_query_over_frozen(const Machine& machine, std
 std::unique_ptr<Experiment> packed_query_over_twin(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_snapshot_query(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> tidied_query_over_ward(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> tidied_query_over_replicated(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> tidied_query_over_frozen(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> tidied_scalar_over_simd(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> untidied_query_over_tidied(const Machine& machine, std::string_view workload);
+std::unique_ptr<Experiment> packed_tidy_over_insert(const Machine& machine, std::string_view workload);
 /// The same of their tests of lanes and records alone.
 std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
                                                               std::string_view workload);

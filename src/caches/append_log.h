@@ -26,6 +26,7 @@
 #include <cstdlib>
 
 #include "caches/session.h"
+#include "caches/tidy.h"
 
 namespace icbench {
 
@@ -142,6 +143,18 @@ class AppendLog {
     const std::uint64_t live = keep_room(structure_, config_.capacity, fresh_workspace);
     sessions_.for_each([](State& s) { s.purse = {}; });
     tickets_.restart(live);
+  }
+
+  /// Lays the records out in the order of space (caches/tidy.h), those of the log among them.
+  void tidy() {
+    end_frame();
+    const auto fresh_workspace = [this] {
+      workspace_ = {};
+      sessions_.for_each([](State& s) { s.purse = {}; });
+    };
+    tickets_.restart(lay_out_in_space(
+        structure_, OctreeAddressing(config_.bounds), 1,
+        fresh_workspace, [this](std::size_t) -> auto& { return workspace_; }));
   }
 
   template <class F>

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "caches/session.h"
+#include "caches/tidy.h"
 
 namespace icbench {
 
@@ -51,6 +52,21 @@ class Direct {
     const std::uint64_t live = keep_room(structure_, config_.capacity, fresh_workspace);
     sessions_.for_each([](State& s) { s.purse = {}; });
     tickets_.restart(live);
+  }
+
+  /// Lays the records out in the order of space (caches/tidy.h).
+  void tidy() {
+    const auto fresh_workspaces = [this] {
+      sessions_.for_each([](State& s) {
+        s.workspace = {};
+        s.purse = {};
+      });
+    };
+    tickets_.restart(lay_out_in_space(
+        structure_, OctreeAddressing(config_.bounds), sessions_.size(),
+        fresh_workspaces, [this](std::size_t i) -> auto& {
+          return sessions_[static_cast<std::uint32_t>(i)].workspace;
+        }));
   }
 
   template <class F>

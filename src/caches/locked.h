@@ -6,6 +6,7 @@
 
 #include "caches/locks.h"
 #include "caches/session.h"
+#include "caches/tidy.h"
 
 namespace icbench {
 
@@ -57,6 +58,18 @@ class Locked {
     const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
     purse_ = {};
     tickets_.restart(keep_room(structure_, config_.capacity, fresh_workspace));
+  }
+
+  /// Lays the records out in the order of space (caches/tidy.h).
+  void tidy() {
+    const auto fresh_workspace = [this] {
+      workspace_ = {};
+      purse_ = {};
+      prefaulted_ = 0;
+    };
+    tickets_.restart(lay_out_in_space(
+        structure_, OctreeAddressing(config_.bounds), 1,
+        fresh_workspace, [this](std::size_t) -> auto& { return workspace_; }));
   }
 
   template <class F>

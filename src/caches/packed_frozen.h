@@ -18,6 +18,7 @@
 #include "caches/packed_filter.h"
 #include "caches/packed_lanes.h"
 #include "caches/packed_reach.h"
+#include "caches/tidy.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
 #include "core/large_pages.h"
@@ -30,7 +31,8 @@ class PackedFrozen {
   /// `records`: what is_storable within config.bounds.
   PackedFrozen(const CacheConfig& config, std::span<const Record> records)
       : config_(config), addressing_(config.bounds) {
-    sort(records);
+    records_.reserve(records.size());
+    for (const std::uint32_t i : order_in_space(records, addressing_)) records_.push_back(records[i]);
     std::vector<PackedReach> reaches;
     reaches.reserve(records_.size());
     std::vector<UnitIndex> all(records_.size());
@@ -112,19 +114,6 @@ class PackedFrozen {
     const int shift = kMaxLevel - grid_level_;
     return static_cast<std::size_t>(((((u.z >> shift) << grid_level_) | (u.y >> shift)) << grid_level_) |
                                     (u.x >> shift));
-  }
-
-  void sort(std::span<const Record> records) {
-    std::vector<std::pair<std::uint64_t, std::uint32_t>> order(records.size());
-    for (std::uint32_t i = 0; i < order.size(); ++i) {
-      const GridPoint u = addressing_.quantise(records[i].p);
-      std::uint64_t key = 0;
-      for (int level = 0; level < kMaxLevel; ++level) key = key << 3 | OctreeAddressing::octant(u, level);
-      order[i] = {key, i};
-    }
-    std::sort(order.begin(), order.end());
-    records_.reserve(records.size());
-    for (const auto& [key, i] : order) records_.push_back(records[i]);
   }
 
   /// Those of `some` that reach `cell`.
