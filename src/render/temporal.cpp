@@ -90,7 +90,8 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
   c.surfaces_changed = change.materials;
-  if (live_ + homeless_ == 0 || (c.boxes.empty() && !c.light_changed && !swept)) {
+  const bool changed = !c.boxes.empty() || c.light_changed;
+  if (live_ + homeless_ == 0 || (!changed && !swept)) {
     figures_.records_kept = live_;
     begin_sweep_if_due();
     return RecordsThen::stay;
@@ -102,11 +103,12 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   c.moved_vpls = light.moved;
   c.moved_vpls.resize(vpls.words());
   c.unused_goes = swept;
-  const bool were_anew = all_anew_;
-  all_anew_ = share_to_update(c, crew) > kMostToUpdate;
-  if (all_anew_ || were_anew) {
-    forget_records();
-    return RecordsThen::go;
+  if (changed) {
+    const bool were_anew = std::exchange(all_anew_, share_to_update(c, crew) > kMostToUpdate);
+    if (all_anew_ || were_anew) {
+      forget_records();
+      return RecordsThen::go;
+    }
   }
   verdicts_.assign(table_.end(), Verdict::drop);
   renewed_.resize(table_.end());
