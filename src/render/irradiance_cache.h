@@ -148,15 +148,15 @@ class NeededRecord {
   std::uint64_t order_ = 0;
 };
 
-/// Asks the cache, and tells `source` which record is needed for that; under the guard against leaks, which may leave
-/// out any of them, all that answered. Sum is an Interpolator, an Extrapolator or a GuardedSum.
+/// Asks the cache, and tells `source` which records answered or, if `telling` says so, which is needed for that; under
+/// the guard against leaks, which may leave out any of them, all that answered in any case. Sum is an Interpolator, an Extrapolator or a GuardedSum.
 template <class Session, class Sum>
-std::optional<Irradiance> query_telling(Session& session, RecordSource& source, const SurfacePoint& x,
-                                        Sum&& sum) noexcept {
+std::optional<Irradiance> query_telling(Session& session, RecordSource& source, UseToTell telling,
+                                        const SurfacePoint& x, Sum&& sum) noexcept {
   NeededRecord needed;
   session.visit(x, [&](const Record& r, float weight) noexcept {
     sum(r, weight);
-    if constexpr (std::is_same_v<std::remove_cvref_t<Sum>, GuardedSum>) {
+    if (telling == UseToTell::answering || std::is_same_v<std::remove_cvref_t<Sum>, GuardedSum>) {
       source.used(r);
     } else if constexpr (std::is_same_v<std::remove_cvref_t<Sum>, Extrapolator>) {
       const Contribution c = sum.of(r, weight);
@@ -266,18 +266,19 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
                            const PrimaryHits& primary, const SampleKey& key, const Tile& tile,
                            Image& indirect, CacheUse& use,
                            AskAgain ask_again = AskAgain::where_outdated) noexcept {
-  const bool telling = source.wants_use();
+  const UseToTell told = source.tells();
+  const bool telling = told != UseToTell::nothing;
   const RecordShapes* shapes = source.shapes();
   std::optional<OverlappedHits> overlapped;
   if (ask_again == AskAgain::where_outdated && shapes != nullptr && is_elliptic(shapes->shaper.level()))
     overlapped.emplace(*shapes, tile);
   const auto answer = [&](const SurfacePoint& at) noexcept {
     if (shapes == nullptr)
-      return telling ? query_telling(session, source, at, Interpolator{}) : session.query(at);
+      return telling ? query_telling(session, source, told, at, Interpolator{}) : session.query(at);
     if (shapes->details.are_guarded())
-      return telling ? query_telling(session, source, at, GuardedSum(*shapes, tracer, at, use.leaks))
+      return telling ? query_telling(session, source, told, at, GuardedSum(*shapes, tracer, at, use.leaks))
                      : query_guarded(session, *shapes, tracer, at, use.leaks);
-    return telling ? query_telling(session, source, at, Extrapolator(*shapes, at))
+    return telling ? query_telling(session, source, told, at, Extrapolator(*shapes, at))
                    : query_extrapolating(session, *shapes, at);
   };
   const auto ask = [&](const Visible& x) noexcept {

@@ -51,6 +51,13 @@ enum class RecordsThen : std::uint8_t {
   go       ///< the cache is to be cleared
 };
 
+/// Which records queries tell about.
+enum class UseToTell : std::uint8_t {
+  nothing,
+  answering,  ///< all that answer
+  needed      ///< one that covers the point, the same for as many queries as can be (NeededRecord)
+};
+
 class RecordSource {
  public:
   virtual ~RecordSource() = default;
@@ -83,8 +90,8 @@ class RecordSource {
   /// What the records carry beside the cache, if queries are to extrapolate by it; else null. Always the same.
   virtual RecordShapes* shapes() noexcept { return nullptr; }
 
-  /// Whether a query has to tell which records it needs, by `used`, in this frame (NeededRecord).
-  virtual bool wants_use() const noexcept { return false; }
+  /// What a query has to tell, by `used`, in this frame.
+  virtual UseToTell tells() const noexcept { return UseToTell::nothing; }
   virtual void used(const Record& record) noexcept;
 
   /// Adds what it did in this frame.

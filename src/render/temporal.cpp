@@ -90,8 +90,8 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
   c.surfaces_changed = change.materials;
-  const bool changed = !c.boxes.empty() || c.light_changed;
-  if (live_ + homeless_ == 0 || (!changed && !swept)) {
+  changed_ = !c.boxes.empty() || c.light_changed;
+  if (live_ + homeless_ == 0 || (!changed_ && !swept)) {
     figures_.records_kept = live_;
     begin_sweep_if_due();
     return RecordsThen::stay;
@@ -103,7 +103,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   c.moved_vpls = light.moved;
   c.moved_vpls.resize(vpls.words());
   c.unused_goes = swept;
-  if (changed) {
+  if (changed_) {
     const bool were_anew = std::exchange(all_anew_, share_to_update(c, crew) > kMostToUpdate);
     if (all_anew_ || were_anew) {
       forget_records();
@@ -415,6 +415,11 @@ void TemporalSource::settle(unsigned thread, const Record& record, InsertResult 
   table_.keep(thread, record.id);
   table_[record.id].state = KeptRecord::live;
   ++w.made;
+}
+
+UseToTell TemporalSource::tells() const noexcept {
+  if (!sweeping_) return UseToTell::nothing;
+  return changed_ ? UseToTell::needed : UseToTell::answering;
 }
 
 void TemporalSource::used(const Record& record) noexcept {

@@ -28,7 +28,8 @@
 // number of records has grown by kGrowth (or kLeastGrowth) since this was last done, after kSweepUpdates updates, or
 // when there is no room for a new one, the queries of one frame tell which records they need, one each (NeededRecord),
 // and the others are dropped as the next frame begins. So there stay about as many as would be made anew, for ever;
-// between such frames queries tell nothing and nothing is paid for.
+// between such frames queries tell nothing and nothing is paid for. Where nothing but the camera moves, superfluous
+// records cost nothing, and all that are used stay.
 //
 // Where so much moves that an update would take most of the rays that new records do (share_to_update), which is asked
 // of a few records each time, nothing is kept but light paths: all records are dropped, and made as those on meshes
@@ -98,7 +99,7 @@ class TemporalSource final : public RecordSource {
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
   RecordShapes* shapes() noexcept override { return shapes_.get(); }
   bool makes_plain_records() noexcept override { return false; }
-  bool wants_use() const noexcept override { return sweeping_; }
+  UseToTell tells() const noexcept override;
   void used(const Record& record) noexcept override;
   void report(PassFigures& figures) const noexcept override;
 
@@ -189,6 +190,7 @@ class TemporalSource final : public RecordSource {
   std::vector<Irradiance> renewed_;  // W/m^2; of the records renewed or changed
   std::vector<Record> to_insert_;
   bool all_anew_ = false;  // the records of this frame; the next change then drops them
+  bool changed_ = false;   // something but the camera, in this frame
   bool sweeping_ = false;
   bool started_ = false;
   bool out_of_room_ = false;

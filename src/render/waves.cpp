@@ -45,7 +45,9 @@ std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >>
 
 void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
   points_ = points;
-  tells_use_ = source_.wants_use();
+  tells_ = source_.tells();
+  // The guard may leave out any of them.
+  if (guarded_ && tells_ == UseToTell::needed) tells_ = UseToTell::answering;
   if (shapes_ == nullptr || !extrapolates(shapes_->shaper.level())) return;
   for (std::size_t i = 0; i < points.size(); ++i) queries_[i].extrapolator.emplace(*shapes_, points[i]);
 }
@@ -53,13 +55,13 @@ void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
 void Answers::take(std::size_t i, const Record& r, float weight) noexcept {
   Query& query = queries_[i];
   const SurfacePoint& x = points_[i];
-  if (tells_use_ && guarded_) source_.used(r);
+  if (tells_ == UseToTell::answering) source_.used(r);
   if (clamps_) query.most_R = std::min(query.most_R, allowed_by_neighbour(r, x.p));
   const Contribution c =
       query.extrapolator ? query.extrapolator->of(r, weight) : Contribution{r.E, weight, true};
   if (!(c.w > 0.0f)) return;
   const std::uint64_t order = hash_of(r.p);
-  if (tells_use_ && !guarded_ && c.covers) query.needed.offer(r, order);
+  if (tells_ == UseToTell::needed && c.covers) query.needed.offer(r, order);
   std::uint32_t ray = kTrusted;
   if (guarded_ && is_suspect(x, r, shapes_->details.marks(r.id))) {
     ray = static_cast<std::uint32_t>(query.rays.size());

@@ -109,7 +109,8 @@ class Answers {
 
   RecordSource& source_;
   const RecordShapes* shapes_;
-  bool clamps_, guarded_, tells_use_ = false;
+  bool clamps_, guarded_;
+  UseToTell tells_ = UseToTell::nothing;
   Tracer* tracer_ = nullptr;
   LeakTests* tests_ = nullptr;
   std::span<const SurfacePoint> points_;
