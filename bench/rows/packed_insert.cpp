@@ -32,6 +32,27 @@ double fill(Cache& cache, const SyntheticPlan& plan) {
   return time;
 }
 
+/// Time to tidy a cache, over that to insert its records one by one.
+class TidyOverInsert : public Experiment {
+ public:
+  TidyOverInsert(const Machine& machine, std::string_view workload)
+      : rays_(make_scene("cornell_box")),
+        plan_(parse_workload(workload), rays_, machine.seed),
+        cache_(plan_.config(1)) {
+    machine.bind();
+  }
+
+  Sample sample() override {
+    const double insert = fill(cache_, plan_);
+    return {seconds([&] { cache_.tidy(); }) / insert};
+  }
+
+ private:
+  RayTracer rays_;
+  SyntheticPlan plan_;
+  PackedWaitFree<> cache_;
+};
+
 class InsertOverWard : public Experiment {
  public:
   InsertOverWard(const Machine& machine, std::uint32_t records)
@@ -95,6 +116,10 @@ std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t 
 
 std::unique_ptr<Experiment> packed_memory_resident(const Machine& machine, std::uint32_t records) {
   return std::make_unique<Memory>(machine, records, true);
+}
+
+std::unique_ptr<Experiment> packed_tidy_over_insert(const Machine& machine, std::string_view workload) {
+  return std::make_unique<TidyOverInsert>(machine, workload);
 }
 
 }  // namespace icbench

@@ -42,29 +42,6 @@ namespace {
 
 using Scalar = Direct<Packed<StdSync, AtFirstSight, ScalarLanes>>;
 
-// Time to tidy a cache, over that to insert its records one by one.
-class TidyOverInsert : public Experiment {
- public:
-  TidyOverInsert(const Machine& machine, std::string_view workload)
-      : rays_(make_scene("cornell_box")), plan_(parse_workload(workload), rays_, machine.seed) {
-    machine.bind();
-  }
-
-  Sample sample() override {
-    PackedWaitFree<> cache(plan_.config(1));
-    auto session = cache.open_session(0);
-    session.prefault(static_cast<std::uint32_t>(plan_.records().size()));
-    const double insert = seconds([&] {
-      for (const Record& r : plan_.records()) session.insert(r);
-    });
-    return {seconds([&] { cache.tidy(); }) / insert};
-  }
-
- private:
-  RayTracer rays_;
-  SyntheticPlan plan_;
-};
-
 }  // namespace
 
 std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std::string_view workload) {
@@ -89,10 +66,6 @@ std::unique_ptr<Experiment> tidied_scalar_over_simd(const Machine& machine, std:
 
 std::unique_ptr<Experiment> untidied_query_over_tidied(const Machine& machine, std::string_view workload) {
   return std::make_unique<QueryRatio<PackedWaitFree<>, Tidied<PackedWaitFree<>>>>(machine, workload);
-}
-
-std::unique_ptr<Experiment> packed_tidy_over_insert(const Machine& machine, std::string_view workload) {
-  return std::make_unique<TidyOverInsert>(machine, workload);
 }
 
 }  // namespace icbench

@@ -201,8 +201,8 @@ concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config
 
 /// A cache that can put what it holds in order. tidy() lays its records out in memory in the order of space, so that
 /// queries of neighbouring points read neighbouring memory. It takes as long as inserting them once to three times, and
-/// is worth that where they came in another order and are asked for long. Quiescent. Sessions stay as they are, and so do records
-/// and what queries see; what they add up to may differ by rounding, since the order does.
+/// is worth that where they came in another order and are asked for long. Quiescent. Sessions stay as they are, and so
+/// do records and what queries see; what they add up to may differ by rounding, since the order does.
 template <class C>
 concept TidyCache = IrradianceCache<C> && requires(C c) {
   {c.tidy()};

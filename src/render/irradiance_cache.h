@@ -149,7 +149,8 @@ class NeededRecord {
 };
 
 /// Asks the cache, and tells `source` which records answered or, if `telling` says so, which is needed for that; under
-/// the guard against leaks, which may leave out any of them, all that answered in any case. Sum is an Interpolator, an Extrapolator or a GuardedSum.
+/// the guard against leaks, which may leave out any of them, all that answered in any case. Sum is an Interpolator, an
+/// Extrapolator or a GuardedSum.
 template <class Session, class Sum>
 std::optional<Irradiance> query_telling(Session& session, RecordSource& source, UseToTell telling,
                                         const SurfacePoint& x, Sum&& sum) noexcept {

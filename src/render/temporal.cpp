@@ -19,8 +19,8 @@ constexpr std::uint32_t kSweepUpdates = 8;  // after so many there is one even s
 constexpr std::size_t kGrain = 16;          // records a thread takes at a time
 
 // Records that are looked at to find what an update takes; what a ray in exact packing costs, in rays in fast packing;
-// and the share of the rays of new records from which on these are made instead. Measured with 8,192 VPLs: at 0.75
-// (Bunnies 9) an update takes 1.08 times as long, at 0.42 (Bunnies 4) 0.92 times.
+// and the share of the rays of new records from which on these are made instead. With 8,192 VPLs, at 0.75 (Bunnies 9) an
+// update took 1.08 times as long, at 0.42 (Bunnies 4), by a state before, 0.92 times.
 constexpr std::uint64_t kLookedAt = 64;  // about
 constexpr double kExactCost = 1.2;
 constexpr double kMostToUpdate = 0.6;
