@@ -7,12 +7,14 @@
 #include <functional>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <thread>
 #include <vector>
 
 #include "image/image.h"
 #include "render/camera.h"
 #include "render/crew.h"
+#include "render/indirect_pass.h"
 #include "render/integrators.h"
 #include "render/primary.h"
 #include "render/ray_tracer.h"
@@ -98,6 +100,24 @@ class ThreadCrew final : public Crew {
   std::vector<Tracer> tracers_;
 };
 
+// One sample of all pixels by a pass, whose frame has begun: what is seen, direct and indirect light.
+inline void render_sample(IndirectPass& pass, Crew& crew, const CameraView& view, Lens lens,
+                          const SampleKey& key, std::span<const Tile> tiles, PrimaryHits& primary,
+                          Image& direct, Image& indirect) {
+  const auto for_all = [&](const auto& f) {
+    crew.for_each(tiles.size(), 1,
+                  [&](unsigned t, Tracer& tracer, std::size_t i) { f(t, tracer, tiles[i]); });
+  };
+  for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
+    visible_tile(tracer, pass.light(), view, lens, key, 1, tile, primary, direct);
+  });
+  pass.begin_sample(primary, key);
+  for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {
+    pass.tile(t, tracer, primary, key, tile, indirect);
+  });
+  pass.end_sample(primary, indirect);
+}
+
 // A square picture by an integrator that needs no cache: the mean of jittered samples.
 inline Image picture(const RayTracer& rays, const IntegratorEntry& integrator, int size, std::uint32_t spp,
                      const SampleKey& first, TileOrder order = TileOrder::scanline, unsigned threads = 1) {
@@ -107,21 +127,9 @@ inline Image picture(const RayTracer& rays, const IntegratorEntry& integrator, i
   const auto tiles = make_tiles(size, size, 8, order, 5);
   PrimaryHits primary(rays.scene(), size, size);
   Image direct = blank(size, size), indirect = blank(size, size), sum = make_image(size, size);
-  const auto for_all = [&](const auto& f) {
-    crew.for_each(tiles.size(), 1,
-                  [&](unsigned t, Tracer& tracer, std::size_t i) { f(t, tracer, tiles[i]); });
-  };
   pass->begin_frame({});
   for (std::uint32_t s = 0; s < spp; ++s) {
-    const SampleKey key = first.next_sample(s);
-    for_all([&](unsigned, Tracer& tracer, const Tile& tile) {
-      visible_tile(tracer, pass->light(), view, Lens::jittered, key, 1, tile, primary, direct);
-    });
-    pass->begin_sample(primary, key);
-    for_all([&](unsigned t, Tracer& tracer, const Tile& tile) {
-      pass->tile(t, tracer, primary, key, tile, indirect);
-    });
-    pass->end_sample(primary, indirect);
+    render_sample(*pass, crew, view, Lens::jittered, first.next_sample(s), tiles, primary, direct, indirect);
     for (std::size_t i = 0; i < sum.pixels.size(); ++i)
       sum.pixels[i] += (direct.pixels[i] + indirect.pixels[i]) / static_cast<float>(spp);
   }

@@ -11,7 +11,6 @@
 // all of them are there. A hit that a record was made at keeps the record's irradiance.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -19,13 +18,13 @@
 #include <vector>
 
 #include "core/interpolation.h"
-#include "core/random.h"
 #include "core/types.h"
 #include "image/image.h"
 #include "render/caustics.h"
 #include "render/gather.h"
 #include "render/guarded_sum.h"
 #include "render/indirect_pass.h"
+#include "render/needed_record.h"
 #include "render/primary.h"
 #include "render/radiance_smoother.h"
 #include "render/ray_tracer.h"
@@ -122,31 +121,6 @@ class ShapedHemisphereSource final : public RecordSource {
 
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
-
-/// A number for a place, by which records can be put in an order that has nothing to do with how they are found.
-/// Coordinates alone would not do: all records of a wall may share one.
-inline std::uint64_t hash_of(const glm::vec3& p) noexcept {
-  const auto bits = [](float x) { return std::uint64_t{std::bit_cast<std::uint32_t>(x)}; };
-  return mix64(mix64(bits(p.x) << 32 | bits(p.y)) ^ bits(p.z));
-}
-
-/// Which record a query cannot do without. Any one that covers its point would do; it is the first by the hash of its
-/// place, so that queries which share records agree on few, in whatever order they find them.
-class NeededRecord {
- public:
-  void offer(const Record& r, std::uint64_t order) noexcept {
-    if (record_ && order >= order_) return;
-    record_ = r;
-    order_ = order;
-  }
-  void tell(RecordSource& source) const noexcept {
-    if (record_) source.used(*record_);
-  }
-
- private:
-  std::optional<Record> record_;
-  std::uint64_t order_ = 0;
-};
 
 /// Asks the cache, and tells `source` which records answered or, if `telling` says so, which is needed for that; under
 /// the guard against leaks, which may leave out any of them, all that answered in any case. Sum is an Interpolator, an

@@ -7,7 +7,7 @@
 
 #include "core/cache.h"
 #include "render/integrators.h"
-#include "render/irradiance_cache.h"
+#include "render/needed_record.h"
 
 namespace icbench {
 namespace {

@@ -9,6 +9,7 @@
 #include "core/random.h"
 #include "render/guarded_sum.h"
 #include "render/irradiance_cache.h"
+#include "render/needed_record.h"
 
 namespace icbench {
 namespace {

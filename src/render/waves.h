@@ -44,6 +44,7 @@
 #include "render/crew.h"
 #include "render/indirect_pass.h"
 #include "render/irradiance_cache.h"
+#include "render/needed_record.h"
 #include "render/primary.h"
 #include "render/record_source.h"
 #include "render/tiles.h"

@@ -1,0 +1,150 @@
+// Temporal instant caching: which records go, and when: those that no pixel uses, those that others make superfluous, and
+// all of them where that costs less than updates.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "temporal_film.h"
+#include "temporal_scenes.h"
+
+namespace icbench {
+namespace {
+
+// Guards against: records that the guard against leaks asks for, and that are then taken for unused.
+TEST(TemporalRecords, RecordsThatAreInUseStayWhereLeaksAreGuardedAgainst) {
+  const Scene scene = animated_room({.rigid = true});
+  for (const bool leak_guard : {false, true}) {
+    Film film(scene, "wait_free", 1, kWidth, kHeight, 0.3f, kVpls, Interpolation::gradients, leak_guard);
+    std::uint64_t made = 0, first = 0;
+    for (std::uint32_t frame = 0; frame < 40; ++frame) {
+      film.begin(frame);
+      film.render(frame);
+      (frame == 0 ? first : made) += film.pass->figures().use.inserts;
+    }
+    EXPECT_LT(made, 40 * first / 4) << leak_guard;
+  }
+}
+
+TEST(TemporalRecords, RecordsThatNoPixelUsesGoInTime) {
+  // Every frame looks elsewhere and leaves many records behind.
+  Film film(animated_room({.camera = true}, 97), "wait_free", 1, 64, 48, 0.03f, 16);
+  std::uint64_t made = 0, dropped = 0, most = 0;
+  for (std::uint32_t frame = 0; frame < 30; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    const PassFigures f = film.pass->figures();
+    made += f.use.inserts;
+    dropped += f.records_dropped;
+    most = std::max(most, f.records);
+    ASSERT_EQ(f.records, made - dropped);
+  }
+  EXPECT_GT(made, 15'000u) << "the test asks for too few records";
+  EXPECT_GT(dropped, made / 3);
+  // In use, what they may grow by, and what is made until the rest goes.
+  EXPECT_LT(most, 64 * 48 + 64 * 48 / 16 + 64 + 64 * 48);
+  ASSERT_EQ(film.difference(), "");
+}
+
+TEST(TemporalRecords, RecordsThatNoPixelUsesGoThoughNoneIsNew) {
+  // The camera closes in on what it sees already, while something goes on moving.
+  Scene scene = animated_room({.rigid = true}, 97);
+  scene.camera_path = [wide = scene.camera](float frame) {
+    Camera camera = wide;
+    if (frame > 2.0f) camera.fov_y *= 0.25f;
+    return camera;
+  };
+  Film film(scene, "wait_free", 1, 64, 48, 0.05f, 16);
+  std::uint64_t first = 0, last = 0;
+  for (std::uint32_t frame = 0; frame < 40; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    last = film.pass->figures().records;
+    if (frame == 2) first = last;
+  }
+  EXPECT_LT(last, first / 2);
+}
+
+// Records of an animation's frames by instant caching.
+std::vector<std::uint64_t> records_made_anew(const Scene& scene, int width, int height, float a,
+                                             std::uint32_t frames) {
+  RayTracer rays(scene);
+  ThreadCrew crew(rays, 1);
+  PassSetup setup{rays, crew, width, height};
+  setup.vpls = 16;
+  setup.interpolation = Interpolation::gradients;
+  CachedPassSetup cached;
+  cached.cache.bounds = rays.scene().bounds;
+  cached.cache.a = cached.cache.a_max = search_reach(setup.interpolation, true) * a;
+  cached.cache.capacity = capacity_for(4ull * static_cast<std::uint64_t>(width * height), 1);
+  const auto pass =
+      find_cache("sequential").pass(cached, find_integrator("instant_caching").source(setup), crew);
+  PrimaryHits primary(rays.scene(), width, height);
+  Image direct = blank(width, height), indirect = direct;
+  const std::vector<Tile> tiles = make_tiles(width, height, 8, TileOrder::morton);
+  std::vector<std::uint64_t> out;
+  for (std::uint32_t frame = 0; frame < frames; ++frame) {
+    pass->begin_frame(rays.go_to(static_cast<float>(frame)));
+    const CameraView view(rays.scene().camera, width, height);
+    render_sample(*pass, crew, view, Lens::centre, {1, frame, 0}, tiles, primary, direct, indirect);
+    out.push_back(pass->figures().records);
+  }
+  return out;
+}
+
+// Guards against: keeping every record that some pixel uses, though others would do, of which there are more with each
+// frame in which something moves.
+TEST(TemporalRecords, RecordsDoNotBecomeManyMoreThanWouldBeMadeAnew) {
+  constexpr std::uint32_t kFrames = 48;
+  const Scene scene = animated_room({.rigid = true}, 64);
+  const std::vector<std::uint64_t> anew = records_made_anew(scene, 64, 48, 0.06f, kFrames);
+  Film film(scene, "sequential", 1, 64, 48, 0.06f, 16, Interpolation::gradients);
+  double most = 0.0, late = 0.0;
+  for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    const double ratio = static_cast<double>(film.pass->figures().records) / static_cast<double>(anew[frame]);
+    most = std::max(most, ratio);
+    if (frame >= kFrames / 2) late += ratio / (kFrames / 2);
+  }
+  EXPECT_LT(most, 1.25) << "unused records stay until others are swept away";
+  EXPECT_LT(late, 1.04);  // 1.06 where all that are used stay
+  EXPECT_GT(anew.front(), 500u) << "too few for the slack that there always is";
+}
+
+// Guards against: updating records at a greater cost than making them anew; kept ones of one kind of frame in the
+// other; and dropping those that nothing has touched, because unused ones go.
+TEST(TemporalRecords, WhereMostChangesAllIsMadeAnew) {
+  Scene scene = animated_room({.rigid = true}, 97);
+  // In frames 4 to 11 the moving box fills much of the room, and from 7 on it rests there.
+  const auto is_large = [](float frame) { return frame > 3.5f && frame < 11.5f; };
+  scene.meshes.back().pose = [is_large](float frame) {
+    if (!is_large(frame)) return Pose{glm::mat3(1.0f), {0.01f * frame, 0.6f, 0.0f}};
+    return Pose{glm::mat3(4.0f), {0.01f * std::min(frame, 7.0f), 0.9f, -0.3f}};
+  };
+  Film film(scene, "wait_free", 2, 64, 48, 0.05f);
+  std::uint64_t before = 0;
+  for (std::uint32_t frame = 0; frame < 16; ++frame) {
+    SCOPED_TRACE(frame);
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "") << "begun";
+    film.render(frame);
+    ASSERT_EQ(film.difference(), "") << "rendered";
+    const PassFigures f = film.pass->figures();
+    // The large box hides what it left and comes to: nothing made before, while it moves, or as it goes is kept.
+    const bool all_anew = frame == 0 || (frame >= 4 && frame <= 7) || frame == 12 || frame == 13;
+    EXPECT_EQ(f.records_kept + f.records_updated == 0, all_anew);
+    EXPECT_EQ(f.records_dropped == before, all_anew);
+    if (frame >= 8 && frame <= 11) {
+      EXPECT_EQ(f.records_updated, 0u);
+      EXPECT_EQ(f.records_dropped, 0u);
+    }
+    EXPECT_EQ(f.records, before - f.records_dropped + f.use.inserts);
+    before = f.records;
+  }
+  EXPECT_GT(before, 300u) << "too few for a sweep";
+}
+
+}  // namespace
+}  // namespace icbench
