@@ -346,6 +346,40 @@ TEST(HdrVdp, DifferencesStayAtTheirPlace) {
   }
 }
 
+// A patch of six pixels a period in a window that is far wider than that has the grating's threshold in its middle.
+TEST(HdrVdp, PatchIsSeenWhereItIsAndAboveItsThreshold) {
+  constexpr int kWide = 240;
+  constexpr double kPeriod = 6.0, kLevel = 50.0,
+                   kWindow = 24.0;  // pixels, cd/m^2, standard deviation in pixels
+  const double ppd = pixels_per_degree(Viewing{}).x;
+  const SensitivityConditions at{kLevel, kWide / ppd * (kHeight / ppd), 0.5};
+  const double threshold =
+      threshold_contrast(kLevel) * peak_sensitivity(at) / contrast_sensitivity(ppd / kPeriod, 0.0, at);
+  const Image uniform = grey(kWide, kHeight, kLevel);
+  const auto probabilities = [&](double units) {
+    Image image = uniform, map;
+    for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+      const double x = static_cast<double>(i % kWide) - kWide / 2;
+      const double window = std::exp(-0.5 * x * x / (kWindow * kWindow));
+      image.pixels[i] *=
+          static_cast<float>(1.0 + units * threshold * window * std::cos(2.0 * kPi * x / kPeriod));
+    }
+    seen(uniform, image, luminance_viewing(), &map);
+    return map;
+  };
+  const auto chance = [](double units) { return 1.0 - std::exp(-std::pow(units, kPsychometricSlope)); };
+  for (const double units : {0.5, 0.8, 1.0, 1.25, 2.0}) {
+    const Image map = probabilities(units);
+    for (std::size_t y = 0; y < kHeight; ++y) {
+      const float middle = map.pixels[y * kWide + kWide / 2].x;
+      EXPECT_GT(middle, chance(0.95 * units)) << units;
+      EXPECT_LT(middle, chance(1.05 * units)) << units;
+      for (const std::size_t x : {0, 24, kWide - 24, kWide - 1})
+        EXPECT_LT(map.pixels[y * kWide + x].x, 0.001f);
+    }
+  }
+}
+
 TEST(HdrVdp, HardCases) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 9}, {67, 3}}) {
     const Image levels[] = {grey(width, height, 0.0), grey(width, height, 1e-20), grey(width, height, 1e20),
