@@ -248,27 +248,27 @@ def mechanisms(measured: Measured, what: str, title: str) -> Grid:
     """Chapter 7 at every thread count of one kind of picture."""
     counts = measured.data["settings"]["threads"]
     units = measured.data["machine"]["units"]
+    titles = [style.threads_text(n) + (" (over)" if n > units else "") for n in counts]
     grid = Grid(
-        f"mechanisms_{what}", title, "", [
-            "scene", "base, frames/s", "mechanism", *(style.threads_text(n) + (" (over)" if n > units else "")
-                                                      for n in counts), "lock waiting", "redundant records"
-        ], groups=[("", 3), ("speed-up over the base", len(counts)),
-                   (f"at {style.threads_text(max(counts))}", 2)], left=1)
+        f"mechanisms_{what}", title, "", ["scene", "base, frames/s", "mechanism", *3 * titles],
+        groups=[("", 3), ("speed-up over the base", len(counts)),
+                ("lock waiting, of all threads' time", len(counts)),
+                ("records beyond those of one thread", len(counts))], left=1)
     for scene in measured.scenes.values():
         table = scene["mechanisms"].get(what)
         if not table:
             continue
         for index, (name, cache) in enumerate(kMechanisms.items()):
             rows = {r["threads"]: r for r in table["rows"] if r["mechanism"] == name}
-            most = rows.get(max(counts), {})
+            over_counts = [rows.get(n, {}) for n in counts]
             first = index == 0
             grid.rows.append([
                 Cell(scene["title"] if first else ""),
                 cell(table["base"]["frames_per_second"]) if first else Cell(""),
                 Cell(measured.title(name)),
-                *(cell(rows[n]["speedup"]) if n in rows else kEmpty for n in counts),
-                _share(most.get("lock_wait_share")),
-                _share(most.get("redundant_share"))
+                *(cell(row.get("speedup")) for row in over_counts),
+                *(_share(row.get("lock_wait_share")) for row in over_counts),
+                *(_share(row.get("redundant_share")) for row in over_counts)
             ])
     return grid
 
