@@ -88,4 +88,11 @@ struct Small : WaitFree<Counters> {
   }
 };
 
+/// Loses all when it is tidied.
+template <class Counters>
+struct Sweeping : WaitFree<Counters> {
+  using WaitFree<Counters>::WaitFree;
+  void tidy() { WaitFree<Counters>::clear(); }
+};
+
 }  // namespace icbench

@@ -125,6 +125,12 @@ class BadInput(Case):
         self.refuse("sweep", "--caches", "sequential,brute_force", "--threads", "2", says=["--threads 1"])
         self.refuse("render", "--cache", "sequential", "--threads", "2", says=["--threads 1"])
 
+    def test_caches_that_cannot_be_tidied(self):
+        tidied = "read_only:layout=tidied"
+        self.refuse("sweep", "--caches", "local_write", "--workloads", tidied, says=["layout=tidied"])
+        self.refuse("preempt", "--caches", "local_write", "--workload", tidied, says=["local_write", "layout"])
+        self.refuse("simulate", "--caches", "local_write", "--workloads", tidied, says=["layout=tidied"])
+
     def test_leaks_are_guarded_against_or_not(self):
         self.refuse("render", "--leak-guard", "--no-leak-guard", says=["--leak-guard", "excludes", "--no-leak-guard"])
 

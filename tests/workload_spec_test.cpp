@@ -32,6 +32,7 @@ TEST(Spec, EveryListedWorkloadParsesWithItsDefaults) {
     EXPECT_EQ(spelt.a, plain.a);
     EXPECT_EQ(spelt.order, plain.order);
     EXPECT_EQ(spelt.records, plain.records);
+    EXPECT_EQ(spelt.tidied, plain.tidied);
     EXPECT_EQ(spelt.operations, plain.operations);
     EXPECT_EQ(spelt.cost_us, plain.cost_us);
     EXPECT_EQ(spelt.rays, plain.rays);
@@ -56,6 +57,8 @@ TEST(Spec, SyntheticParameters) {
   EXPECT_TRUE(s.uses_cache());
   EXPECT_EQ(parse_workload("miss_driven:cost=2.5").cost_us, 2.5);
   EXPECT_EQ(parse_workload("read_only:order=coherent").order, PointOrder::coherent);
+  EXPECT_TRUE(parse_workload("mix_99_1:layout=tidied").tidied);
+  EXPECT_TRUE(is_one_line_with(error_of([] { parse_workload("insert_only:layout=tidied"); }), "layout"));
 }
 
 TEST(Spec, RayTracedParameters) {
@@ -129,7 +132,8 @@ TEST(Spec, ErrorsAreOneLineThatNamesTheWorkload) {
                            "cornell_box:spp=0",
                            "cornell_box:order=uniform",
                            "mix_50_50:operations=268435456"}) {
-    EXPECT_TRUE(is_one_line_with(error_of([text = text] { parse_workload(text); }), fmt::format("'{}'", text)));
+    EXPECT_TRUE(
+        is_one_line_with(error_of([text = text] { parse_workload(text); }), fmt::format("'{}'", text)));
   }
 }
 
@@ -204,6 +208,19 @@ TEST_F(SweepPoints, WorkloadsWithoutCacheRunOnce) {
   ASSERT_EQ(points.size(), 2u);
   EXPECT_EQ(points[0].cache, nullptr);
   EXPECT_EQ(points[0].cache_name(), "none");
+}
+
+TEST_F(SweepPoints, CachesThatCannotTidyAreLeftOutWhereThatIsAskedFor) {
+  SweepRequest tidied = request({2});
+  tidied.workloads = {parse_workload("read_only:layout=tidied"), parse_workload("read_only")};
+  tidied.caches = {"local_write", "packed_wait_free"};
+  const Sweep sweep(tidied, topology);
+  ASSERT_EQ(sweep.points(0, 0).size(), 1u);
+  EXPECT_EQ(sweep.points(0, 0)[0].cache_name(), "packed_wait_free");
+  EXPECT_EQ(sweep.points(1, 0).size(), 2u);
+  tidied.workloads.resize(1);
+  tidied.caches = {"local_write"};
+  EXPECT_TRUE(is_one_line_with(error_of([&] { Sweep(tidied, topology); }), "layout=tidied"));
 }
 
 TEST_F(SweepPoints, EveryRepetitionHasAnOrderOfItsOwn) {

@@ -30,6 +30,7 @@ Json caches() {
                    {"query", to_string(t.query)},
                    {"consistency", to_string(t.consistency)},
                    {"single_thread", t.single_thread},
+                   {"can_tidy", e.can_tidy},
                    {"source", t.source}});
   }
   return out;

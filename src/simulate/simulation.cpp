@@ -20,7 +20,8 @@ std::vector<SimulationPoint> simulation_points(const SimulationRequest& request)
     for (const std::string& name : request.caches) {
       const CacheEntry& cache = find_cache(name);
       for (const unsigned cores : request.cores) {
-        if (!cache.traits.single_thread || cores == 1) out.push_back({w, &cache, cores});
+        const bool has_sessions = !cache.traits.single_thread || cores == 1;
+        if (has_sessions && can_run(cache, request.workloads[w])) out.push_back({w, &cache, cores});
       }
     }
   }
@@ -40,7 +41,9 @@ void require_simulated(const SimulationRequest& request) {
   for (const std::string& name : request.caches) mechanism_of(find_cache(name).traits);
   if (simulation_points(request).empty()) {
     throw std::runtime_error(
-        "there is nothing to simulate: caches for a single thread run with --cores 1 only");
+        "there is nothing to simulate: caches for a single thread run with --cores 1 only, and those that "
+        "cannot "
+        "tidy (icbench list caches) not with layout=tidied");
   }
 }
 

@@ -8,9 +8,14 @@
 namespace icbench {
 
 std::span<const CacheEntry> all_caches() {
-#define ICBENCH_ENTRY(id, Type)                                                                  \
-  CacheEntry{Type<NoCounters>::kTraits, &run_synthetic_trial<Type>, &run_ray_traced_trial<Type>, \
-             &run_trace_trial<Type>, &make_cached_pass<Type>, &make_stepped_cache<Type>},
+#define ICBENCH_ENTRY(id, Type)                         \
+  CacheEntry{.traits = Type<NoCounters>::kTraits,       \
+             .can_tidy = TidyCache<Type<NoCounters>>,   \
+             .synthetic = &run_synthetic_trial<Type>,   \
+             .ray_traced = &run_ray_traced_trial<Type>, \
+             .trace = &run_trace_trial<Type>,           \
+             .pass = &make_cached_pass<Type>,           \
+             .stepped = &make_stepped_cache<Type>},
   static const CacheEntry entries[] = {ICBENCH_CACHES(ICBENCH_ENTRY)};
 #undef ICBENCH_ENTRY
   return entries;

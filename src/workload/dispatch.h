@@ -41,6 +41,7 @@ std::unique_ptr<SteppedCache> make_stepped_cache(const CacheConfig& config);
 /// What can be done with one cache.
 struct CacheEntry {
   CacheTraits traits;
+  bool can_tidy;  ///< TidyCache
   TrialOutcome (*synthetic)(const SyntheticPlan&, const TrialSetup&);
   TrialOutcome (*ray_traced)(const RayTracedPlan&, const TrialSetup&);
   TrialOutcome (*trace)(const TracePlan&, const TrialSetup&);
@@ -50,6 +51,11 @@ struct CacheEntry {
 
 /// All caches, in the order of the registry.
 std::span<const CacheEntry> all_caches();
+
+/// Whether a cache can do what a workload asks for, whatever the number of threads.
+inline bool can_run(const CacheEntry& cache, const WorkloadSpec& workload) noexcept {
+  return cache.can_tidy || !workload.tidied;
+}
 
 /// Throws std::runtime_error that names the known caches, nearest match first, if there is none of that name.
 const CacheEntry& find_cache(std::string_view name);

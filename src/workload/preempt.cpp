@@ -53,7 +53,10 @@ Preempt::Preempt(PreemptRequest request, const Topology& topology)
   if (request_.threads < 2)
     throw std::runtime_error("--threads 1: one thread is held and the others are measured; give 2 or more");
   for (const std::string& name : request_.caches) {
-    if (find_cache(name).traits.single_thread)
+    const CacheEntry& cache = find_cache(name);
+    if (!can_run(cache, spec))
+      throw std::runtime_error(fmt::format("cache '{}' cannot be tidied; choose layout=as_inserted", name));
+    if (cache.traits.single_thread)
       throw std::runtime_error(fmt::format("cache '{}' serves a single thread; choose a shared one", name));
   }
   const RayTracer rays(make_scene(spec.scene));

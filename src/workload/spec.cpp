@@ -137,6 +137,9 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
   } else {
     add_number("records", 1, 1 << 24, true, &WorkloadSpec::records);
   }
+  if (s.starts_filled()) {
+    known.push_back(named(text, "layout", &WorkloadSpec::tidied, {{"as_inserted", false}, {"tidied", true}}));
+  }
   if (s.kind != WorkloadKind::insert_only) {
     add_number("operations", 1, 1 << 28, true, &WorkloadSpec::operations);
   }

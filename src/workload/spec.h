@@ -47,6 +47,7 @@ struct WorkloadSpec {
   PointOrder order = PointOrder::uniform;
   std::uint32_t records = 100'000;     ///< stored before the clock starts; for insert_only: inserted
   std::uint32_t operations = 100'000;  ///< cache operations, all threads together
+  bool tidied = false;                 ///< what is stored beforehand is put in the order of space (TidyCache)
   std::uint32_t inserts_per_1000 = 0;  ///< share of inserts in a mix
   double cost_us = 1.0;                ///< miss_driven: work per record, microseconds
 
@@ -65,10 +66,10 @@ struct WorkloadSpec {
 
   bool uses_cache() const noexcept { return method == Method::irradiance_cache; }
 
+  bool starts_filled() const noexcept { return kind == WorkloadKind::read_only || kind == WorkloadKind::mix; }
+
   /// Records that are stored before the clock starts.
-  std::uint32_t prefilled() const noexcept {
-    return kind == WorkloadKind::read_only || kind == WorkloadKind::mix ? records : 0;
-  }
+  std::uint32_t prefilled() const noexcept { return starts_filled() ? records : 0; }
 
   /// Inserts that are known beforehand: all but those that follow from misses.
   std::uint32_t inserts() const noexcept {

@@ -143,7 +143,10 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
                    std::uint64_t{spec.width} * spec.height * kBytesPerPixel);
   }
   if (points_in_all == 0) {
-    throw std::runtime_error("this sweep has no point: caches for a single thread run with --threads 1 only");
+    throw std::runtime_error(
+        "this sweep has no point: caches for a single thread run with --threads 1 only, and those that "
+        "cannot "
+        "tidy (icbench list caches) not with layout=tidied");
   }
 }
 
@@ -156,7 +159,9 @@ std::vector<SweepPoint> Sweep::points(std::size_t workload, unsigned repetition)
     }
     for (const std::string& name : request_.caches) {
       const CacheEntry& cache = find_cache(name);
-      if (!cache.traits.single_thread || threads == 1) out.push_back({workload, &cache, threads});
+      const bool has_sessions = !cache.traits.single_thread || threads == 1;
+      if (has_sessions && can_run(cache, request_.workloads[workload]))
+        out.push_back({workload, &cache, threads});
     }
   }
   Pcg32 random(hash_keys(request_.seed, workload, repetition));
@@ -329,6 +334,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
   } else {
     c["order"] = to_string(spec.order);
     c["accuracy"] = shortest_decimal(spec.a);
+    if (spec.starts_filled()) c["layout"] = spec.tidied ? "tidied" : "as_inserted";
     if (spec.kind == WorkloadKind::miss_driven) c["record_cost_us"] = spec.cost_us;
   }
   return entry;

@@ -102,6 +102,9 @@ TrialOutcome run_synthetic_trial(const SyntheticPlan& plan, const TrialSetup& se
   auto first = cache.open_session(0);
   for (std::uint32_t i = 0; i < plan.prefilled(); ++i) first.insert(plan.records()[i]);
   cache.end_frame();
+  if constexpr (TidyCache<Cache>) {
+    if (plan.spec().tidied) cache.tidy();
+  }
 
   // Before the clock: every thread opens its session and touches the memory it will need.
   const WorkloadSpec& spec = plan.spec();
