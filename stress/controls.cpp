@@ -47,6 +47,8 @@ constexpr Control kControls[] = {
      Check::integrity, 0.0, false, &run_round<MergeDropsLast<DelaySync, DelayPlainSync>>},
     {"clear_leaves_one", "one record survives clear", Check::integrity, 0.0, false,
      &run_round<ClearLeavesOne<DelaySync>>},
+    {"tidy_drops_last", "laying records out anew forgets the last", Check::integrity, 0.0, false,
+     &run_round<TidyDropsLast<DelaySync>>},
     {"update_keeps_copies", "an update that drops nothing leaves the copies that queries read as they were",
      Check::integrity, 0.0, false, &run_round<UpdateKeepsCopies<DelaySync>>},
     {"replicated_without_commit", "copies of a record appear one after the other",

@@ -170,7 +170,7 @@ struct RoundSizes {
 };
 
 /// Runs a round on `Cache`. Quiescent points are barriers: end_frame, contents, a query at every place, now
-/// and then update_records and clear.
+/// and then update_records, clear and, of caches that can, tidy.
 template <class Cache>
 class Round {
   using Session = typename Cache::Session;
@@ -201,6 +201,9 @@ class Round {
         barrier_.arrive_and_wait();  // and ends
         cache_.end_frame();
         finish_epoch(e);
+        if constexpr (TidyCache<Cache>) {
+          if (is_tidied(e)) cache_.tidy();
+        }
       }
     }
     return {std::move(landscape_), std::move(history_)};
@@ -209,6 +212,9 @@ class Round {
  private:
   // Of the calls that query: about four queries in ten are then in batches, the others as short as ever.
   static constexpr std::uint32_t kBatchOneIn = 16;
+
+  // Every other time, whatever else is done then.
+  bool is_tidied(std::uint32_t e) const noexcept { return hash_keys(plan_.seed, e, 4) % 2 == 0; }
 
   void work(std::uint32_t t) {
     Delays::start(hash_keys(plan_.seed, t, 1), plan_.delay_every);

@@ -131,6 +131,22 @@ class LeakyTree : public WardTree<Sync> {
   }
 };
 
+/// Tidying loses a record: the last.
+template <class Sync>
+class LosingTidier : public Direct<WardTree<Sync>> {
+  using Base = Direct<WardTree<Sync>>;
+
+ public:
+  using Base::Base;
+  void tidy() {
+    Base::tidy();
+    std::optional<std::uint32_t> last;
+    Base::for_each_record([&](const Record& r) { last = r.id; });
+    Base::update_records(
+        [&](Record& r) noexcept { return r.id == last ? UpdateResult::drop : UpdateResult::keep; });
+  }
+};
+
 /// A query reads the clock when it meets a record, instead of before the first list: what was stamped since is seen
 /// here and missed in the lists that it has left behind.
 struct LateClock {
@@ -181,5 +197,7 @@ template <class Sync, class Plain>
 using MergeDropsLast = LocalWrite<WardTree<Sync>, ForgetfulTree<Plain>>;
 template <class Sync>
 using ClearLeavesOne = Direct<LeakyTree<Sync>>;
+template <class Sync>
+using TidyDropsLast = LosingTidier<Sync>;
 
 }  // namespace icbench::stress

@@ -1,5 +1,5 @@
 // The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp,
-// without `update_keeps_copies`: no scenario updates anything.
+// without `update_keeps_copies` and `tidy_drops_last`: no scenario updates or tidies anything.
 #include "caches/registry.h"
 #include "stress/broken/copies.h"
 #include "stress/broken/lists.h"
