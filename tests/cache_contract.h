@@ -8,16 +8,11 @@
 
 #include "any_cache.h"
 #include "core/random.h"
+#include "sanitized.h"
 
 namespace icbench {
 
-#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
-inline constexpr bool kSanitized = true;
-#elif defined(__has_feature)
-inline constexpr bool kSanitized = __has_feature(thread_sanitizer) || __has_feature(address_sanitizer);
-#else
-inline constexpr bool kSanitized = false;
-#endif
+inline constexpr bool kSanitized = ICBENCH_SANITIZED;
 
 /// A record whose irradiance is a function of its id, so that a torn or invented one is recognised.
 inline Record make_record(std::uint32_t id, glm::vec3 p, glm::vec3 n, float R) {

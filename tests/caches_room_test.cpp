@@ -1,4 +1,6 @@
 // Room in a cache, and what it takes of memory.
+#include <sys/resource.h>
+
 #include <string_view>
 
 #include "cache_contract.h"
@@ -50,6 +52,31 @@ TEST_P(Room, MemoryTakenBeforehandIsMissingToNobody) {
     ASSERT_EQ(stored(cache).size(), kCapacity);
     cache.clear();
   }
+}
+
+// Pages that the calling thread was given so far.
+long pages_given() {
+  rusage usage{};
+  getrusage(RUSAGE_THREAD, &usage);
+  return usage.ru_minflt;
+}
+
+// Guards against: memory that a session was to touch beforehand, and that is fetched page by page as records come.
+TEST_P(Room, InsertsFindMemoryTouchedBeforehand) {
+  if (!keeps() || GetParam().traits.name == "tbb_hash_grid") GTEST_SKIP() << "touches nothing beforehand";
+  constexpr std::uint32_t kRecords = 20'000;
+  const auto records = random_records(kRecords, 13);
+  const auto pages_of_inserts = [&](bool prefault) {
+    AnyCache cache(GetParam(), config(2 * kRecords));
+    auto session = cache.open_session(0);
+    if (prefault) session.prefault(kRecords);
+    const long before = pages_given();
+    for (const Record& r : records) EXPECT_EQ(session.insert(r), InsertResult::inserted);
+    return pages_given() - before;
+  };
+  const long untouched = pages_of_inserts(false), touched = pages_of_inserts(true);
+  if (kSanitized || untouched < 100) GTEST_SKIP() << untouched << " pages: too few, or a sanitizer's as well";
+  EXPECT_LT(touched, untouched / 4);
 }
 
 TEST_P(Room, DroppedRecordsMakeRoomForeverInALongAnimation) {
