@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "core/large_pages.h"
+#include "caches/large_page_allocator.h"
 #include "core/random.h"
 
 namespace icbench {

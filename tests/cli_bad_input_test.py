@@ -129,7 +129,7 @@ class BadInput(Case):
         tidied = "read_only:layout=tidied"
         self.refuse("sweep", "--caches", "local_write", "--workloads", tidied, says=["layout=tidied"])
         self.refuse("preempt", "--caches", "local_write", "--workload", tidied, says=["local_write", "layout"])
-        self.refuse("simulate", "--caches", "local_write", "--workloads", tidied, says=["layout=tidied"])
+        self.refuse("simulate", "--workloads", tidied, says=["layout=as_inserted"])
 
     def test_leaks_are_guarded_against_or_not(self):
         self.refuse("render", "--leak-guard", "--no-leak-guard", says=["--leak-guard", "excludes", "--no-leak-guard"])

@@ -1,11 +1,11 @@
 // What temporal instant caching keeps of records: ids, their bits, and the memory that these take.
-#include "render/record_table.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <set>
 #include <vector>
+
+#include "render/record_table.h"
 
 namespace icbench {
 namespace {
@@ -97,6 +97,30 @@ TEST(RecordTable, IsFullInTimeAndThenSays) {
   EXPECT_EQ(table.draft(0, LightBits::no), RecordTable::kNone);
   table.release({ids.data(), 1});
   EXPECT_EQ(table.draft(0, LightBits::yes), ids.front());
+}
+
+// Guards against: records of one kind that have no room for good, because those of the other kind had it all once.
+TEST(RecordTable, WhatIsFreeDoesForBothKindsOnceItIsFull) {
+  for (const LightBits first : {LightBits::no, LightBits::yes}) {
+    const LightBits second = first == LightBits::yes ? LightBits::no : LightBits::yes;
+    RecordTable table(10 * kBlock, 1);
+    table.widen(3);
+    std::vector<std::uint32_t> ids = take(table, 1000, first);
+    ASSERT_EQ(table.draft(0, second), RecordTable::kNone);
+    // Every other one, so that blocks have ids of either kind.
+    std::vector<std::uint32_t> free;
+    for (std::size_t i = 0; i < ids.size(); i += 2) free.push_back(ids[i]);
+    table.release(free);
+    const std::vector<std::uint32_t> again = take(table, 1000, second);
+    EXPECT_TRUE(std::is_permutation(again.begin(), again.end(), free.begin(), free.end()));
+    if (second == LightBits::yes) {
+      for (const std::uint32_t id : again) std::ranges::fill(table.visible(id), id);
+      for (const std::uint32_t id : again)
+        EXPECT_EQ(std::ranges::count(table.visible(id), std::uint64_t{id}), 3) << id;
+    }
+    table.release(again);
+    EXPECT_EQ(take(table, 1000, first).size(), free.size());
+  }
 }
 
 }  // namespace

@@ -146,5 +146,28 @@ TEST(TemporalRecords, WhereMostChangesAllIsMadeAnew) {
   EXPECT_GT(before, 300u) << "too few for a sweep";
 }
 
+// Guards against: taking what can move but rests for a reason to make all anew.
+TEST(TemporalRecords, StayWhereWhatHidesMuchRests) {
+  Scene scene = animated_room({.rigid = true}, 97);
+  scene.meshes.back().pose = [](float) { return Pose{glm::mat3(4.0f), {0.0f, 0.9f, -0.3f}}; };
+  Mesh mote =
+      box("mote", {{-0.005f, -0.005f, -0.005f}, {0.005f, 0.005f, 0.005f}}, scene.meshes.back().material);
+  mote.pose = [](float frame) { return Pose{glm::mat3(1.0f), {0.9f, 0.02f + 0.002f * frame, 0.9f}}; };
+  scene.meshes.push_back(mote);
+  Film film(scene, "wait_free", 2, 64, 48, 0.05f);
+  std::uint32_t tried = 0;
+  for (std::uint32_t frame = 0; frame < 12; ++frame) {
+    SCOPED_TRACE(frame);
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "");
+    film.render(frame);
+    const PassFigures f = film.pass->figures();
+    if (frame == 0 || f.light_paths_retraced != 0) continue;
+    ++tried;
+    EXPECT_LT(2 * f.records_dropped, f.records) << "of " << f.records;
+  }
+  EXPECT_GT(tried, 6u);
+}
+
 }  // namespace
 }  // namespace icbench

@@ -40,7 +40,7 @@ TEST_P(Trials, AreValidOnEveryCacheAndNumberOfThreads) {
   Bench bench;
   for (const CacheEntry& cache : all_caches()) {
     for (const unsigned threads : {1u, 2u, 8u}) {
-      if ((cache.traits.single_thread && threads > 1) || !can_run(cache, spec)) continue;
+      if (!can_run(cache, spec, threads)) continue;
       SCOPED_TRACE(::testing::Message() << cache.traits.name << ", " << threads << " threads");
       const TrialOutcome out = bench(cache.synthetic, plan, threads);
       ASSERT_EQ(out.error, "");

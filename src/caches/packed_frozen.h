@@ -15,13 +15,13 @@
 #include <span>
 #include <vector>
 
+#include "caches/large_page_allocator.h"
 #include "caches/packed_filter.h"
 #include "caches/packed_lanes.h"
 #include "caches/packed_reach.h"
 #include "caches/tidy.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
-#include "core/large_pages.h"
 #include "core/octree.h"
 
 namespace icbench {

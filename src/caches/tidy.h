@@ -40,7 +40,8 @@ inline std::vector<std::uint32_t> order_in_space(std::span<const Record> records
 /// Builds a structure anew from its records in that order, by as many threads as there are workspaces and processing
 /// units, each a stretch of it. `fresh_workspaces()` empties all workspaces on the structure; `workspace(i)` is one of
 /// `workspaces`. Quiescent; returns the number of records. If memory runs out while this is prepared, std::bad_alloc
-/// comes out of it and nothing has changed.
+/// comes out of it and nothing has changed; where it does later, in a library's container, that ends the process, as it
+/// does in inserts.
 template <class Structure, class FreshWorkspaces, class Workspace>
 std::uint64_t lay_out_in_space(Structure& structure, const OctreeAddressing& addressing,
                                std::uint32_t workspaces, FreshWorkspaces&& fresh_workspaces,
@@ -56,7 +57,7 @@ std::uint64_t lay_out_in_space(Structure& structure, const OctreeAddressing& add
       records.size() / kLeastShare, 1,
       std::min<std::size_t>(workspaces, std::max(1u, std::thread::hardware_concurrency())));
   const std::size_t share = (records.size() + threads - 1) / threads;
-  parallel_chunks(records.size(), share, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(records.size(), share, [&](std::size_t begin, std::size_t end) noexcept {
     auto& own = workspace(begin / share);
     structure.prefault(own, static_cast<std::uint32_t>(end - begin));
     NoCounters uncounted;

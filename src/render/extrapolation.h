@@ -179,7 +179,13 @@ class RecordDetails {
 
   /// For `capacity` records at least, drawn by `threads` threads; `suspects`: of the guard against leaks.
   RecordDetails(std::uint32_t capacity, unsigned threads, LeakSuspects suspects = LeakSuspects::none)
-      : blocks_(capacity / kBlock + threads + 1), suspects_(suspects), purses_(threads) {}
+      : blocks_(blocks_for(capacity, threads)), suspects_(suspects), purses_(threads) {}
+
+  /// Blocks for so many ids, though every thread may leave one of ids without bits and one of ids with bits unused
+  /// (RecordTable, whose ids may be those of details).
+  static std::size_t blocks_for(std::uint32_t capacity, unsigned threads) noexcept {
+    return capacity / kBlock + 2 * std::size_t{threads} + 1;
+  }
 
   /// The id of the record that this thread makes next; the same until keep().
   std::uint32_t draft(unsigned thread);

@@ -25,6 +25,7 @@
 #include "render/guarded_sum.h"
 #include "render/indirect_pass.h"
 #include "render/needed_record.h"
+#include "render/place_hash.h"
 #include "render/primary.h"
 #include "render/radiance_smoother.h"
 #include "render/ray_tracer.h"
@@ -122,16 +123,15 @@ class ShapedHemisphereSource final : public RecordSource {
 /// Radiance, W/(m^2 sr), that a hit reflects of irradiance E.
 glm::vec3 reflected_radiance(const RayTracer& rays, const Hit& hit, const Irradiance& E) noexcept;
 
-/// Asks the cache, and tells `source` which records answered or, if `telling` says so, which is needed for that; under
-/// the guard against leaks, which may leave out any of them, all that answered in any case. Sum is an Interpolator, an
-/// Extrapolator or a GuardedSum.
+/// Asks the cache, and tells `source` which records answered or, if `telling` says so, which is needed for that. Sum is
+/// an Interpolator, an Extrapolator or a GuardedSum.
 template <class Session, class Sum>
 std::optional<Irradiance> query_telling(Session& session, RecordSource& source, UseToTell telling,
                                         const SurfacePoint& x, Sum&& sum) noexcept {
   NeededRecord needed;
   session.visit(x, [&](const Record& r, float weight) noexcept {
     sum(r, weight);
-    if (telling == UseToTell::answering || std::is_same_v<std::remove_cvref_t<Sum>, GuardedSum>) {
+    if (telling == UseToTell::answering) {
       source.used(r);
     } else if constexpr (std::is_same_v<std::remove_cvref_t<Sum>, Extrapolator>) {
       const Contribution c = sum.of(r, weight);

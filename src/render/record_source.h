@@ -55,7 +55,7 @@ enum class RecordsThen : std::uint8_t {
 enum class UseToTell : std::uint8_t {
   nothing,
   answering,  ///< all that answer
-  needed      ///< one that covers the point, the same for as many queries as can be (NeededRecord)
+  needed  ///< not under the guard against leaks: one that covers the point, the same for as many queries as can be (NeededRecord)
 };
 
 class RecordSource {

@@ -29,6 +29,14 @@ void RecordTable::release(std::span<const std::uint32_t> ids) {
     (*this)[id].state = KeptRecord::free;
     released_[static_cast<std::size_t>(bits_of(id))].ids.push_back(id);
   }
+  if (blocks_used() < blocks_.size()) return;
+  // No block is left: what is free has to do for records of both kinds.
+  auto& [without, with] = released_;
+  for (const std::uint32_t id : without.ids) {
+    if (bits_of(id) == LightBits::no) block(id)->bits = std::make_unique<std::uint64_t[]>(kBlock * words_);
+    with.ids.push_back(id);
+  }
+  without.ids.clear();
 }
 
 void RecordTable::clear() noexcept {
@@ -51,17 +59,23 @@ std::size_t RecordTable::bytes() const noexcept {
   return bytes;
 }
 
+void RecordTable::take_released(Released& released, std::vector<std::uint32_t>& purse) {
+  if (released.gone() >= released.ids.size()) return;
+  const std::size_t first = released.taken.fetch_add(kBlock, std::memory_order_relaxed);
+  for (std::size_t i = first; i < std::min<std::size_t>(first + kBlock, released.ids.size()); ++i)
+    purse.push_back(released.ids[i]);
+}
+
 void RecordTable::refill(std::vector<std::uint32_t>& purse, LightBits bits) {
-  Released& released = released_[static_cast<std::size_t>(bits)];
-  if (released.gone() < released.ids.size()) {
-    const std::size_t first = released.taken.fetch_add(kBlock, std::memory_order_relaxed);
-    for (std::size_t i = first; i < std::min<std::size_t>(first + kBlock, released.ids.size()); ++i)
-      purse.push_back(released.ids[i]);
-    if (!purse.empty()) return;
+  take_released(released_[static_cast<std::size_t>(bits)], purse);
+  if (!purse.empty()) return;
+  const std::uint32_t b = next_block_.load(std::memory_order_relaxed) < blocks_.size()
+                              ? next_block_.fetch_add(1, std::memory_order_relaxed)
+                              : static_cast<std::uint32_t>(blocks_.size());
+  if (b >= blocks_.size()) {
+    if (bits == LightBits::no) take_released(released_[static_cast<std::size_t>(LightBits::yes)], purse);
+    return;
   }
-  if (next_block_.load(std::memory_order_relaxed) >= blocks_.size()) return;
-  const std::uint32_t b = next_block_.fetch_add(1, std::memory_order_relaxed);
-  if (b >= blocks_.size()) return;
   auto block = std::make_unique<Block>();
   if (bits == LightBits::yes) block->bits = std::make_unique<std::uint64_t[]>(kBlock * words_);
   blocks_[b] = std::move(block);

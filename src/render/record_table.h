@@ -32,7 +32,7 @@ struct KeptRecord {
     free,
     unused,
     live
-  };  ///< live: in the cache; unused: no pixel asked for it lately
+  };  ///< live: in the cache; unused: the same, but no query has told of it since a sweep began
 
   glm::vec3 p{0.0f};   ///< metres
   PackedNormal n, ng;  ///< shading and geometric normal
@@ -58,14 +58,14 @@ class RecordTable {
 
   /// For `capacity` records at most, drawn by `threads` threads.
   RecordTable(std::uint32_t capacity, unsigned threads)
-      : blocks_(capacity / kBlock + threads + 1), purses_(threads) {}
+      : blocks_(RecordDetails::blocks_for(capacity, threads)), purses_(threads) {}
 
   /// Makes room for this many words of bits in each record that has any, no fewer than there are; new ones are 0.
   /// Quiescent.
   void widen(std::size_t words);
 
-  /// An id that nobody uses, with bits or without, the same until `keep`; kNone if there is none left. By one thread for
-  /// itself.
+  /// An id that nobody uses, with bits or, unless all that are left have some, without; the same until `keep`. kNone if
+  /// there is none. By one thread for itself.
   std::uint32_t draft(unsigned thread, LightBits bits) {
     std::vector<std::uint32_t>& ids = purses_[thread].ids[static_cast<std::size_t>(bits)];
     if (ids.empty()) refill(ids, bits);
@@ -73,7 +73,9 @@ class RecordTable {
   }
   /// The drafted id is in use from now on.
   void keep(unsigned thread, std::uint32_t id) noexcept {
-    purses_[thread].ids[static_cast<std::size_t>(bits_of(id))].pop_back();
+    for (std::vector<std::uint32_t>& ids : purses_[thread].ids) {
+      if (!ids.empty() && ids.back() == id) return ids.pop_back();
+    }
   }
 
   KeptRecord& operator[](std::uint32_t id) noexcept { return block(id)->records[id % kBlock]; }
@@ -119,6 +121,7 @@ class RecordTable {
   std::uint32_t blocks_used() const noexcept {
     return std::min(next_block_.load(std::memory_order_relaxed), static_cast<std::uint32_t>(blocks_.size()));
   }
+  static void take_released(Released& released, std::vector<std::uint32_t>& purse);
   void refill(std::vector<std::uint32_t>& purse, LightBits bits);
 
   std::size_t words_ = 0;

@@ -7,7 +7,7 @@
 
 #include "core/cache.h"
 #include "render/integrators.h"
-#include "render/needed_record.h"
+#include "render/place_hash.h"
 
 namespace icbench {
 namespace {
@@ -153,23 +153,28 @@ void TemporalSource::count_new_records() noexcept {
   }
 }
 
-// What the shadow rays of an update cost, over those of as many new records. Of some records on what stands still: the
-// others are made anew in any case. Which these are, and the result, do not depend on the number of threads.
+// What the shadow rays of an update would cost, over those of as many new records. Of some records on what stands still,
+// and that stay: the others are made anew in any case. Which these are, and the result, do not depend on the number of
+// threads. What hides a light already is counted as if it did not.
 double TemporalSource::share_to_update(const Change& c, Crew& crew) {
   constexpr std::uint64_t kAll = std::numeric_limits<std::uint64_t>::max();
   const std::uint64_t below = live_ <= kLookedAt ? kAll : kAll / live_ * kLookedAt;
   const VplArrays& vpls = vpls_.vpls();
   const std::vector<std::uint64_t> all_vpls(vpls.words(), kAll);
   crew.for_each(table_.end(), kGrain, [&](unsigned thread, Tracer&, std::size_t i) {
-    const KeptRecord& r = table_[static_cast<std::uint32_t>(i)];
+    const auto id = static_cast<std::uint32_t>(i);
+    const KeptRecord& r = table_[id];
     if (r.state == KeptRecord::free || hash_of(r.p) > below) return;
-    if (record_packing(rays_, r.mesh) == Packing::fast) return;
+    if (record_packing(rays_, r.mesh) == Packing::fast || goes(c, r)) return;
     Worker& w = workers_[thread];
     const Hit point = record_point(r.p, r.n, r.ng);
+    w.rays.anew += count_facing(point, vpls, all_vpls);
+    // Those of a frame in which all was made anew have no bits to tell.
+    if (!all_anew_ && !needs_lights_anew(w, c, point, id)) return;
+    w.rays.to_moved += count_facing(point, vpls, c.moved_vpls);
     w.suspect.resize(vpls.words());
     moving_.mark(rays_, point, w.suspect);
-    w.rays += {count_facing(point, vpls, all_vpls), count_facing(point, vpls, c.moved_vpls),
-               count_facing(point, vpls, w.suspect)};
+    w.rays.past_moving += count_facing(point, vpls, w.suspect);
   });
   Rays sum;
   for (Worker& w : workers_) sum += std::exchange(w.rays, {});
@@ -218,10 +223,27 @@ VplChange TemporalSource::update_lights(const SceneChange& change, const MovedBo
   return changed;
 }
 
+// Whether a record is dropped whatever its light.
+bool TemporalSource::goes(const Change& c, const KeptRecord& r) noexcept {
+  return c.moved_meshes[r.mesh] != 0 || (c.unused_goes && r.state == KeptRecord::unused);
+}
+
+// Whether what compensation rays meet may be other than it was.
+bool TemporalSource::is_near_change(const Change& c, const KeptRecord& r) const noexcept {
+  return c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
+}
+
+// Whether a record's light may be other than it was.
+bool TemporalSource::needs_lights_anew(Worker& w, const Change& c, const Hit& point,
+                                       std::uint32_t id) noexcept {
+  const KeptRecord& r = table_[id];
+  return c.light_changed || r.met != 0 || is_near_change(c, r) || cut_lights(w, c, point, id);
+}
+
 TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, const Change& c,
                                                    std::uint32_t id) noexcept {
   KeptRecord& r = table_[id];
-  if (c.moved_meshes[r.mesh] != 0 || (c.unused_goes && r.state == KeptRecord::unused)) {
+  if (goes(c, r)) {
     w.dropped.push_back(id);
     return Verdict::drop;
   }
@@ -234,16 +256,15 @@ TemporalSource::Verdict TemporalSource::reconsider(Tracer& tracer, Worker& w, co
   const std::uint32_t cut = cut_distances(c, point, r.distances);
   if (cut != 0) radius_.trace(tracer, point, cut, r.distances);
 
-  // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not
-  // be.
   const Packing packing = record_packing(rays_, r.mesh);
-  const bool nearby = c.surfaces_changed || c.boxes.near(r.p, compensation_reach(clamp_));
-  const bool lights_anew = c.light_changed || r.met != 0 || nearby || cut_lights(w, c, point, id);
+  const bool lights_anew = needs_lights_anew(w, c, point, id);
   // A radius by gradients needs these; and what is inserted again needs irradiance, which only the cache has.
   const bool radius_anew = cut != 0 && (extrapolated_ || radius_of(id, r.distances) > R_before);
   Irradiance& E = renewed_[id];
   if (lights_anew || radius_anew) {
-    const bool all = nearby || packing == Packing::fast;
+    // Where nothing near has changed, the rays that met something are the same; the paths that go on from there may not
+    // be.
+    const bool all = packing == Packing::fast || is_near_change(c, r);
     const Compensation added =
         compensate_record(tracer, point, vpls_, clamp_, packing, all ? ~std::uint64_t{0} : r.met);
     IrradianceGradients gradients;
@@ -419,7 +440,8 @@ void TemporalSource::settle(unsigned thread, const Record& record, InsertResult 
 
 UseToTell TemporalSource::tells() const noexcept {
   if (!sweeping_) return UseToTell::nothing;
-  return changed_ ? UseToTell::needed : UseToTell::answering;
+  const bool may_leave_out_any = shapes_ != nullptr && shapes_->details.are_guarded();
+  return changed_ && !may_leave_out_any ? UseToTell::needed : UseToTell::answering;
 }
 
 void TemporalSource::used(const Record& record) noexcept {

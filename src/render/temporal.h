@@ -29,7 +29,8 @@
 // when there is no room for a new one, the queries of one frame tell which records they need, one each (NeededRecord),
 // and the others are dropped as the next frame begins. So there stay about as many as would be made anew, for ever;
 // between such frames queries tell nothing and nothing is paid for. Where nothing but the camera moves, superfluous
-// records cost nothing, and all that are used stay.
+// records cost nothing, and all that are used stay; and so they do under the guard against leaks, which may leave out
+// any of them.
 //
 // Where so much moves that an update would take most of the rays that new records do (share_to_update), which is asked
 // of a few records each time, nothing is kept but light paths: all records are dropped, and made as those on meshes
@@ -162,6 +163,9 @@ class TemporalSource final : public RecordSource {
   double share_to_update(const Change& change, Crew& crew);
   void forget_records();
   void begin_sweep_if_due() noexcept;
+  static bool goes(const Change& change, const KeptRecord& r) noexcept;
+  bool is_near_change(const Change& change, const KeptRecord& r) const noexcept;
+  bool needs_lights_anew(Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
   Verdict reconsider(Tracer& tracer, Worker& w, const Change& change, std::uint32_t id) noexcept;
   std::span<const std::uint64_t> see_anew(Tracer& tracer, Worker& w, const Change& change, const Hit& point,
                                           std::uint32_t id) noexcept;

@@ -9,7 +9,7 @@
 #include "core/random.h"
 #include "render/guarded_sum.h"
 #include "render/irradiance_cache.h"
-#include "render/needed_record.h"
+#include "render/place_hash.h"
 
 namespace icbench {
 namespace {
@@ -47,8 +47,6 @@ std::uint32_t colour_of(std::uint32_t block) noexcept { return (block ^ block >>
 void Answers::ask_at(std::span<const SurfacePoint> points) noexcept {
   points_ = points;
   tells_ = source_.tells();
-  // The guard may leave out any of them.
-  if (guarded_ && tells_ == UseToTell::needed) tells_ = UseToTell::answering;
   if (shapes_ == nullptr || !extrapolates(shapes_->shaper.level())) return;
   for (std::size_t i = 0; i < points.size(); ++i) queries_[i].extrapolator.emplace(*shapes_, points[i]);
 }

@@ -334,9 +334,9 @@ std::string workload_key(const WorkloadSpec& s) {
   if (s.kind == WorkloadKind::trace)
     return fmt::format("trace {:016x}{}", read_trace_header(s.file).checksum,
                        s.as_captured ? " as captured" : "");
-  return fmt::format("{} {}/1000 inserts, {} records{}, {} operations, order {}, a {}, scene {}",
-                     to_string(s.kind), s.inserts_per_1000, s.prefilled() + s.inserts(),
-                     s.tidied ? ", tidied" : "", s.operations, static_cast<int>(s.order), s.a, s.scene);
+  return fmt::format("{} {}/1000 inserts, {} records, {} operations, order {}, a {}, scene {}",
+                     to_string(s.kind), s.inserts_per_1000, s.prefilled() + s.inserts(), s.operations,
+                     static_cast<int>(s.order), s.a, s.scene);
 }
 
 std::string key_of(std::string_view cache, const std::string& workload) {

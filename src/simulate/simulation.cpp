@@ -20,8 +20,7 @@ std::vector<SimulationPoint> simulation_points(const SimulationRequest& request)
     for (const std::string& name : request.caches) {
       const CacheEntry& cache = find_cache(name);
       for (const unsigned cores : request.cores) {
-        const bool has_sessions = !cache.traits.single_thread || cores == 1;
-        if (has_sessions && can_run(cache, request.workloads[w])) out.push_back({w, &cache, cores});
+        if (!cache.traits.single_thread || cores == 1) out.push_back({w, &cache, cores});
       }
     }
   }
@@ -36,14 +35,16 @@ void require_simulated(const SimulationRequest& request) {
           "and simulate trace:file=PATH",
           spec.name));
     }
+    if (spec.tidied) {
+      throw std::runtime_error(fmt::format(
+          "workload '{}' is laid out anew, which is not simulated; choose layout=as_inserted", spec.name));
+    }
     if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
   }
   for (const std::string& name : request.caches) mechanism_of(find_cache(name).traits);
   if (simulation_points(request).empty()) {
     throw std::runtime_error(
-        "there is nothing to simulate: caches for a single thread run with --cores 1 only, and those that "
-        "cannot "
-        "tidy (icbench list caches) not with layout=tidied");
+        "there is nothing to simulate: caches for a single thread run with --cores 1 only");
   }
 }
 

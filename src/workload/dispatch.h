@@ -52,9 +52,9 @@ struct CacheEntry {
 /// All caches, in the order of the registry.
 std::span<const CacheEntry> all_caches();
 
-/// Whether a cache can do what a workload asks for, whatever the number of threads.
-inline bool can_run(const CacheEntry& cache, const WorkloadSpec& workload) noexcept {
-  return cache.can_tidy || !workload.tidied;
+/// Whether a cache can do what a workload asks for, in so many threads.
+inline bool can_run(const CacheEntry& cache, const WorkloadSpec& workload, unsigned threads) noexcept {
+  return (threads == 1 || !cache.traits.single_thread) && (cache.can_tidy || !workload.tidied);
 }
 
 /// Throws std::runtime_error that names the known caches, nearest match first, if there is none of that name.

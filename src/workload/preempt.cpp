@@ -54,7 +54,7 @@ Preempt::Preempt(PreemptRequest request, const Topology& topology)
     throw std::runtime_error("--threads 1: one thread is held and the others are measured; give 2 or more");
   for (const std::string& name : request_.caches) {
     const CacheEntry& cache = find_cache(name);
-    if (!can_run(cache, spec))
+    if (spec.tidied && !cache.can_tidy)
       throw std::runtime_error(fmt::format("cache '{}' cannot be tidied; choose layout=as_inserted", name));
     if (cache.traits.single_thread)
       throw std::runtime_error(fmt::format("cache '{}' serves a single thread; choose a shared one", name));

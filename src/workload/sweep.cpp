@@ -159,9 +159,7 @@ std::vector<SweepPoint> Sweep::points(std::size_t workload, unsigned repetition)
     }
     for (const std::string& name : request_.caches) {
       const CacheEntry& cache = find_cache(name);
-      const bool has_sessions = !cache.traits.single_thread || threads == 1;
-      if (has_sessions && can_run(cache, request_.workloads[workload]))
-        out.push_back({workload, &cache, threads});
+      if (can_run(cache, request_.workloads[workload], threads)) out.push_back({workload, &cache, threads});
     }
   }
   Pcg32 random(hash_keys(request_.seed, workload, repetition));
