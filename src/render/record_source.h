@@ -55,7 +55,8 @@ enum class RecordsThen : std::uint8_t {
 enum class UseToTell : std::uint8_t {
   nothing,
   answering,  ///< all that answer
-  needed  ///< not under the guard against leaks: one that covers the point, the same for as many queries as can be (NeededRecord)
+  needed  ///< one that covers the point, the same for as many queries as can be (NeededRecord); never where leaks
+          ///< are guarded against, since the guard may leave out any of them
 };
 
 class RecordSource {
