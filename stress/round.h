@@ -213,7 +213,7 @@ class Round {
   // Of the calls that query: about four queries in ten are then in batches, the others as short as ever.
   static constexpr std::uint32_t kBatchOneIn = 16;
 
-  // Every other time, whatever else is done then.
+  // Half the time, whatever else is done then.
   bool is_tidied(std::uint32_t e) const noexcept { return hash_keys(plan_.seed, e, 4) % 2 == 0; }
 
   void work(std::uint32_t t) {

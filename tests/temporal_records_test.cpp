@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/needed_record.h"
 #include "temporal_film.h"
 #include "temporal_scenes.h"
 
@@ -144,6 +145,26 @@ TEST(TemporalRecords, WhereMostChangesAllIsMadeAnew) {
     before = f.records;
   }
   EXPECT_GT(before, 300u) << "too few for a sweep";
+}
+
+// Guards against: naming a record that is kept nowhere, by which those that are kept seem superfluous.
+TEST(TemporalRecords, OneWithoutAnIdIsNeededByNobody) {
+  struct Told final : RecordSource {
+    RecordsThen begin_frame(const SceneChange&, Crew&) override { return RecordsThen::stay; }
+    Record evaluate(unsigned, Tracer&, const Visible&, const SampleKey&) noexcept override { return {}; }
+    void used(const Record& r) noexcept override { ids.push_back(r.id); }
+    std::vector<std::uint32_t> ids;
+  };
+  Told told;
+  const auto offer_and_tell = [&](std::vector<std::uint32_t> ids) {
+    NeededRecord needed;
+    for (std::uint64_t order = 0; order < ids.size(); ++order) needed.offer({{}, {}, 0.0f, {}, ids[order]}, order);
+    needed.tell(told);
+  };
+  offer_and_tell({RecordTable::kNone, 7, 8});
+  offer_and_tell({RecordTable::kNone});
+  offer_and_tell({});
+  EXPECT_EQ(told.ids, std::vector<std::uint32_t>{7});
 }
 
 // Guards against: taking what can move but rests for a reason to make all anew.

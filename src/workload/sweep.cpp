@@ -144,9 +144,8 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
   }
   if (points_in_all == 0) {
     throw std::runtime_error(
-        "this sweep has no point: caches for a single thread run with --threads 1 only, and those that "
-        "cannot "
-        "tidy (icbench list caches) not with layout=tidied");
+        "this sweep has no point: caches for a single thread run with --threads 1 only, those that cannot "
+        "be tidied (icbench list caches) without layout=tidied only");
   }
 }
 

@@ -133,7 +133,7 @@ class LeakyTree : public WardTree<Sync> {
 
 /// Tidying loses a record: the last.
 template <class Sync>
-class LosingTidier : public Direct<WardTree<Sync>> {
+class TidyDropsLast : public Direct<WardTree<Sync>> {
   using Base = Direct<WardTree<Sync>>;
 
  public:
@@ -197,7 +197,5 @@ template <class Sync, class Plain>
 using MergeDropsLast = LocalWrite<WardTree<Sync>, ForgetfulTree<Plain>>;
 template <class Sync>
 using ClearLeavesOne = Direct<LeakyTree<Sync>>;
-template <class Sync>
-using TidyDropsLast = LosingTidier<Sync>;
 
 }  // namespace icbench::stress
