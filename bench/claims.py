@@ -133,10 +133,27 @@ def path_of(claim: dict) -> str:
     return "yes" if claim.get("quick") else f"no: {claim['outside']}" if "outside" in claim else ""
 
 
+def misses(rows: dict[str, tuple[str, str]]) -> list[str]:
+    """The rows that pass not everywhere, with the machines on which they miss or stay undecided."""
+    machines, sections = load_claims()
+    claims = [c for _, section in sections for c in section if "row" in c]
+    lines = ["| row | target | missed on | undecided on | reached on |", "|---|---|---|---|---|"]
+    for c in claims:
+        on = {verdict: [name for name, told in figures_of(c, machines).items() if told["verdict"] == verdict]
+              for verdict in ("fail", "undecided", "pass")}
+        if on["fail"] or on["undecided"]:
+            lines.append(f"| `{c['row']}` | {rows[c['row']][0]} | "
+                         f"{' | '.join(', '.join(names) for names in on.values())} |")
+    short = len(lines) - 2
+    return ["### Which figures are not reached", "",
+            f"Of {len(claims)} rows {len(claims) - short} reach their targets on every machine on which they were "
+            f"measured, and {short} do not:", "", *lines, ""]
+
+
 def tables(rows: dict[str, tuple[str, str]]) -> str:
     """ARTIFACT.md from its first table on."""
-    lines = []
     machines, sections = load_claims()
+    lines = misses(rows)
     usual = next(iter(machines))
     for title, claims in sections:
         if "row" in claims[0]:
@@ -151,7 +168,8 @@ def tables(rows: dict[str, tuple[str, str]]) -> str:
                     claimed.append(f"{where}{told['claimed']}{also}")
                     verdicts.append(where + {"fail": "**miss**"}.get(told["verdict"], told["verdict"]))
                 claimed, verdict = "; ".join(claimed), "; ".join(verdicts)
-                lines.append(f"| `{c['row']}` | {what} | {target} | {claimed} | {verdict} | {time_of(c)} | {path_of(c)} |")
+                cells = (f"`{c['row']}`", what, target, claimed, verdict, time_of(c), path_of(c))
+                lines.append(f"| {' | '.join(cells)} |")
         else:
             lines += [f"### {title}", ""]
             for c in claims:

@@ -295,7 +295,8 @@ def useful_rate(rows: pd.DataFrame) -> pd.Series:
     Where inserts come from misses, a cache that makes threads compute the same record twice also makes them insert it
     twice; counting those inserts would reward it, so queries alone count there.
     """
-    missed = rows["workload_kind"].isin(["miss_driven", "ray_traced", "trace"]) & (rows["queries"] > 0) & (rows["seconds"] > 0)
+    missed = (rows["workload_kind"].isin(["miss_driven", "ray_traced", "trace"])
+              & (rows["queries"] > 0) & (rows["seconds"] > 0))
     return rows["items_per_second"].where(~missed, rows["queries"] / rows["seconds"])
 
 

@@ -1,4 +1,4 @@
-"""The claims of README.md and bench/MEASURED.md: one place, nothing that drifts apart, judged and released by what stands in bench/."""
+"""The claims of README.md and bench/MEASURED.md: one place, nothing that drifts apart, judged and released by bench/."""
 
 import json
 import os

@@ -234,7 +234,8 @@ class Simulate(Case):
         key, = costs["costs"]
         costs["validation"] = {"threads": 2, "cores_per_complex": 8, "cores_per_socket": 64, "points": 30,
                                "records_points": 18, "waiting_points": 20, "throughput_error": 0.05,
-                               "records_error": 0.05, "waiting_error": 0.05, "file_error": 0.1, "date": costs["date"], "commit": costs["commit"],
+                               "records_error": 0.05, "waiting_error": 0.05, "file_error": 0.1,
+                               "date": costs["date"], "commit": costs["commit"],
                                "errors": {f"{key} at 1 us a record": 0.25}}
 
         def validated(changes=(), **options):

@@ -140,7 +140,8 @@ class Run:
                 plan.scene, "number of VPLs",
                 f"{plan.scene}: IGI could not be compared with path tracing, so "
                 "there is no number of VPLs to go on with")
-        self.done[plan.scene] = scene_tables(self.store, plan, self.settings, self.known.get(plan.scene, {}).get("description", ""))
+        description = self.known.get(plan.scene, {}).get("description", "")
+        self.done[plan.scene] = scene_tables(self.store, plan, self.settings, description)
         try:
             self.done[plan.scene]["pictures"] = self._pictures(plan)
         except (OSError, pictures.PictureError) as error:
