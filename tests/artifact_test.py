@@ -17,7 +17,7 @@ import claims  # noqa: E402
 
 PATIENCE = 120  # seconds
 kPrograms = Path(os.environ.get("ICBENCH", kRoot / "build/release/bin/icbench")).parent
-kPages = ("README.md", "bench/MEASURED.md")
+kPages = ("README.md", "bench/MEASURED.md", "bench/TRIED.md")
 kMend = "bring bench/claims.json up to date, then ARTIFACT.md by bench/artifact --write"
 
 

@@ -39,7 +39,7 @@
 // With occlusion errors are absolute: the E of that formula is the mean irradiance of the picture, as far as that is
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
 // distances is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
-// beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/MEASURED.md). Where
+// beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/TRIED.md). Where
 // nothing has told the mean, E is the record's own. Of light that comes straight from lamps by way of mirrors and glass
 // the Hessian knows nothing; particles tell where it is and how far a record may count beside it (render/caustics.h).
 //
