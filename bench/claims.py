@@ -137,17 +137,17 @@ def misses(rows: dict[str, tuple[str, str]]) -> list[str]:
     """The rows that pass not everywhere, with the machines on which they miss or stay undecided."""
     machines, sections = load_claims()
     claims = [c for _, section in sections for c in section if "row" in c]
-    lines = ["| row | target | missed on | undecided on | reached on |", "|---|---|---|---|---|"]
+    short = []
     for c in claims:
         on = {verdict: [name for name, told in figures_of(c, machines).items() if told["verdict"] == verdict]
               for verdict in ("fail", "undecided", "pass")}
         if on["fail"] or on["undecided"]:
-            lines.append(f"| `{c['row']}` | {rows[c['row']][0]} | "
+            short.append(f"| `{c['row']}` | {rows[c['row']][0]} | "
                          f"{' | '.join(', '.join(names) for names in on.values())} |")
-    short = len(lines) - 2
     return ["### Which figures are not reached", "",
-            f"Of {len(claims)} rows {len(claims) - short} reach their targets on every machine on which they were "
-            f"measured, and {short} do not:", "", *lines, ""]
+            f"Of {len(claims)} rows {len(claims) - len(short)} reach their targets on every machine on which they were "
+            f"measured, and {len(short)} do not:", "",
+            "| row | target | missed on | undecided on | reached on |", "|---|---|---|---|---|", *short, ""]
 
 
 def tables(rows: dict[str, tuple[str, str]]) -> str:

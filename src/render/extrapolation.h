@@ -68,7 +68,7 @@
 // Records of virtual point lights, where they are extrapolated, let the normal turn kTurnOfVpls times as far as the
 // split-sphere error does: the rotational gradient is a sum over the same lights as irradiance, without noise, so that
 // the error that is left grows with the square of the turn. That took 29 % of the records of four bunnies' room away,
-// and no more of them was seen in one picture (bench/MEASURED.md). Since |d| / R + turn / k < a is
+// and no more of them was seen in one picture (bench/TRIED.md). Since |d| / R + turn / k < a is
 // |d| / (R / k) + turn < k a, such records are stored with R / k and asked for with k a.
 //
 // Where normals may turn so far that those of the two sides of a sheet would do (the errors of VPLs' records from a =
