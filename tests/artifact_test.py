@@ -13,12 +13,14 @@ from pathlib import Path
 
 kRoot = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(kRoot / "bench"))
+import artifact  # noqa: E402
 import claims  # noqa: E402
+import pages  # noqa: E402
 
 PATIENCE = 120  # seconds
 kPrograms = Path(os.environ.get("ICBENCH", kRoot / "build/release/bin/icbench")).parent
 kPages = ("README.md", "bench/MEASURED.md", "bench/TRIED.md")
-kMend = "bring bench/claims.json up to date, then ARTIFACT.md by bench/artifact --write"
+kMend = "bring bench/claims.json up to date, then the pages' tables by bench/artifact --write"
 
 
 def text_of(name):
@@ -94,11 +96,32 @@ class Claims(unittest.TestCase):
         for claim in self.all:
             self.assertLessEqual({claim.get("machine", usual), *claim.get("elsewhere", {})}, set(self.machines))
 
-    def test_artifact_page_has_their_tables(self):
-        page = (kRoot / "ARTIFACT.md").read_text(encoding="utf-8")
-        self.assertTrue(page.endswith("\n\n" + claims.tables(self.rows)), kMend)
+    def test_pages_have_the_tables_that_are_made_of_them(self):
+        for page, made in ((pages.kArtifact, pages.artifact), (pages.kMeasured, pages.measured)):
+            text = page.read_text(encoding="utf-8")
+            self.assertEqual(text, made(text, self.rows), kMend)
+        for name in pages.kTables:
+            self.assertIn(f"<!-- table {name} -->\n", pages.kMeasured.read_text(encoding="utf-8"))
         for machine in self.machines.values():
             self.assertIn(machine["hardware"], text_of("ARTIFACT.md"), kMend)
+
+    def test_tables_are_made_in_place(self):
+        page = "Before.\n\n<!-- table temporal -->\n\n| an | old |\n|---|---|\n| one | 1 |\n\nAfter.\n"
+        made = pages.measured(page, self.rows)
+        self.assertRegex(made, r"\ABefore\.\n\n<!-- table temporal -->\n\n(\|[^\n]+\|\n){16}\nAfter\.\n\Z")
+        self.assertEqual(pages.measured(made, self.rows), made)
+        with self.assertRaisesRegex(claims.Refused, "no table 'nosuch'"):
+            pages.measured("<!-- table nosuch -->\n\n", self.rows)
+
+    def test_a_figure_tells_where_it_is_of_something_else(self):
+        told = pages.Claims(self.rows)
+        told.by_row["tic_visible_office"] = {"row": "tic_visible_office", "claimed": "0.500 [0.400, 0.600]",
+                                             "verdict": "fail", "machine": "Genoa", "note": "8 VPLs"}
+        columns = [("visible", "tic_visible", "Xeon"), ("more", "igi_over_tic", "Xeon")]
+        office = pages.by_scene(columns)(told)[-1]
+        self.assertEqual(office, "| Office | 0.500 [0.400, 0.600] (8 VPLs) ᴳ, **missed** | no row |")
+        del told.by_row["tic_visible_office"]
+        self.assertIn("| not measured |", pages.by_scene(columns)(told)[-1])
 
     def test_the_quick_path_has_every_row_of_readme(self):
         page = text_of("README.md")
@@ -212,7 +235,7 @@ class Judging(unittest.TestCase):
             "#!/bin/sh\nwhile [ $# -gt 0 ]; do case $1 in --json) json=$2;; --samples) n=$2;; esac; shift; done\n"
             'echo "[{\\"name\\": \\"checker_speed\\", \\"median\\": 1, \\"low\\": 1, \\"high\\": 1, '
             '\\"samples\\": $n, \\"verdict\\": \\"pass\\", \\"why\\": \\"\\"}]" >"$json"\n')
-        self.assertEqual(claims.Judge(self.folder, self.folder / "bin").measured(claim)["samples"], 7)
+        self.assertEqual(artifact.Judge(self.folder, self.folder / "bin").measured(claim)["samples"], 7)
 
     def test_what_the_machine_did_not_yield_is_measured_again(self):
         row = "wait_free_read_only_scaling"
@@ -226,12 +249,12 @@ class Judging(unittest.TestCase):
     def test_checks_hold_or_do_not(self):
         # The stand-in fails whatever it is asked.
         claim = {"check": "c", "claim": "", "command": "printf '1 of 1\\n'", "says": "1 of 1"}
-        judge = claims.Judge(self.folder, self.folder / "bin")
+        judge = artifact.Judge(self.folder, self.folder / "bin")
         self.assertEqual(judge.measured(claim)["verdict"], "holds")
         for change in {"says": "2 of 2"}, {"command": "printf '1 of 1\\n'; false"}:
             self.assertEqual(judge.measured({**claim, **change, "check": "d"})["verdict"], "does not hold")
         lacking = judge.measured({**claim, "check": "e", "needs": "no-such-program"})
-        self.assertEqual(claims.judge(claim, {}, lacking), ("skipped: no no-such-program here; install it", False))
+        self.assertEqual(artifact.judge(claim, {}, lacking), ("skipped: no no-such-program here; install it", False))
 
     def test_a_held_thread_is_judged_by_what_the_program_prints(self):
         says, = [claim["says"] for _, section in claims.load_claims()[1] for claim in section
@@ -246,12 +269,12 @@ class Judging(unittest.TestCase):
 
     def test_the_quick_path_ends_in_time(self):
         claim = {"row": "checker_speed"}
-        judge = claims.Judge(self.folder, self.folder / "bin")
-        with self.assertRaises(claims.TimeUp):
+        judge = artifact.Judge(self.folder, self.folder / "bin")
+        with self.assertRaises(artifact.TimeUp):
             judge.measured(claim, deadline=0.0)
         # One that is under way ends, too.
         (self.folder / "bin/targets").write_text("#!/bin/sh\nexec tail -f /dev/null\n")
-        with self.assertRaises(claims.TimeUp):
+        with self.assertRaises(artifact.TimeUp):
             judge.measured(claim, deadline=time.monotonic() + 0.1)
 
     def test_bad_input_is_one_line(self):

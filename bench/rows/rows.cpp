@@ -211,9 +211,10 @@ void add_animations(std::vector<Row>& rows) {
   for (const Setting& setting : judged_scenes()) {
     rows.push_back(
         {fmt::format("tic_visible_{}", setting.scene),
-         fmt::format("percent of the pixels of {} told apart (HDR-VDP, P > 75 %), temporal instant caching "
-                     "against instant global illumination, {} estimates of direct light a pixel",
-                     setting.scene, kJudgedLightSamples),
+         fmt::format("percent of the pixels of {} told apart (HDR-VDP, P > 75 %), {} virtual lights, {} "
+                     "estimates of direct light a pixel: temporal instant caching against instant global "
+                     "illumination",
+                     setting.scene, setting.vpls, kJudgedLightSamples),
          Relation::at_most, 0.33,
          [setting](const Machine& machine) { return temporal_visible(machine, setting); }});
   }
