@@ -10,9 +10,9 @@
 //   packed_frozen     what is left when nothing can change any more
 //   told              what is left when the valid records are known beforehand
 //
-// Beside it the latency of memory, what a load costs that waits for the one before, in blocks of several sizes: from the
-// smallest it is that of a near cache, from the largest that of memory itself; and two roofs over whatever one thread
-// does: the lines a nanosecond that memory gives it, and the instructions a nanosecond that it executes.
+// Beside it the latency of memory, what a load costs that waits for the one before, in blocks of several sizes: from
+// the smallest it is that of a near cache, from the largest that of memory itself; and two roofs over whatever one
+// thread does: the lines a nanosecond that memory gives it, and the instructions a nanosecond that it executes.
 //
 // Results go to a file in Google Benchmark's format: real_time is the wall time of a repetition, ns_per_query what
 // counts. Of the structures of the caches it also says, as means over all points: cache_lines of the structure that a

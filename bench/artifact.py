@@ -1,5 +1,4 @@
-"""bench/artifact, once everything is built: measures the claims (bench/claims.py) again, or brings the pages up to date.
-"""
+"""bench/artifact, once everything is built: measures the claims again, or brings the pages up to date."""
 from __future__ import annotations
 
 import argparse

@@ -20,7 +20,8 @@ kScenes = {"cornell_box": "Cornell box", "wobble": "Wobble", "desk": "Desk", "bu
            "sibenik": "Sibenik", "cornell_specular": "Cornell specular", "cornell_indirect": "Cornell indirect",
            "office": "Office"}
 # How rows' names end, by number of records and where queries go.
-kSizes = {"10^5 records": "", "10^5, image": "_coherent", "10^6 records": "_million", "10^6, image": "_million_coherent"}
+kSizes = {"10^5 records": "", "10^5, image": "_coherent",
+          "10^6 records": "_million", "10^6, image": "_million_coherent"}
 kSizesOfInserts = {"10^5 records": "_100000", "10^6 records": "_1000000"}
 
 
@@ -73,7 +74,7 @@ def by_size(names: Sequence[str], machines: Sequence[str]) -> Callable[[Claims],
             ends = kSizes if name in told.rows else kSizesOfInserts
             row_of = {size: f"{name}{end}" for size, end in ends.items() if f"{name}{end}" in told.rows}
             _, what = told.rows[next(iter(row_of.values()))]
-            what = re.sub(r"(; 10\^5 records, random points, 1 thread| with 10\^5 of them|10\^5 (?=records into))", "", what)
+            what = re.sub(r"; 10\^5 records, random points, 1 thread| with 10\^5 of them|10\^5 (?=records into)", "", what)
             body.append([f"`{name}`: {what}", "",
                          *(told.rows[row_of[size]][0] if size in row_of else "" for size in kSizes)])
             for machine in machines:

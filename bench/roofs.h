@@ -85,8 +85,8 @@ class ScatteredLoads {
 inline constexpr std::uint64_t kRoofRounds = 200'000, kRoofUnrolled = 16,
                                kRoofInstructions = kRoofRounds * kRoofUnrolled * (8 + 4);
 /// Instructions a nanosecond of one thread that waits for nothing: additions to eight numbers in turn, and to every two
-/// of them a load from the nearest cache. (Those of the loop, one in a hundred, are not counted.) Not inlined: the numbers
-/// have to have registers.
+/// of them a load from the nearest cache. (Those of the loop, one in a hundred, are not counted.) Not inlined: the
+/// numbers have to have registers.
 [[gnu::noinline]] inline double instructions_per_ns() {
   using Clock = std::chrono::steady_clock;
   std::uint64_t n[8] = {};

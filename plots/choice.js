@@ -124,7 +124,8 @@
       return made;
     }
 
-    // Of mechanisms that cannot be told apart, the one whose queries are held up least by threads that were put to sleep.
+    // Of mechanisms that cannot be told apart, the one whose queries are held up least by threads that were put to
+    // sleep.
     tieBreak(n, equal) {
       const {tails, tailThreads, kinds, cores: all} = this.data;
       const known = equal.filter((l) => tails[l[1]] !== null);

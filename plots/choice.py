@@ -11,8 +11,8 @@ Every answer comes from one kind of evidence, named in it, and kinds are never m
 - else nothing: there is no answer for that many cores.
 
 Between two measured record costs the time is taken as straight over the cost, repetition by repetition (the time of a
-query is that of the cache plus that of the records made). Outside them the nearest answers, and the answer says so: it is
-extrapolated, or simulated and not validated.
+query is that of the cache plus that of the records made). Outside them the nearest answers, and the answer says so: it
+is extrapolated, or simulated and not validated.
 """
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ from results import InputError, load
 from style import Layout, kColumn, kReport
 
 
-# Of a font a PDF embeds outlines and widths. Tables that only lay text out, or scripts of mathematics, are left out before
-# they are read: that took half the time of a PDF.
+# Of a font a PDF embeds outlines and widths. Tables that only lay text out, or scripts of mathematics, are left out
+# before they are read: that took half the time of a PDF.
 subset.Options._drop_tables_default = [*subset.Options._drop_tables_default, "GDEF", "GPOS", "GSUB", "MATH"]
 
 

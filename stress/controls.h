@@ -17,8 +17,8 @@ struct Control {
   Check check;             ///< must be violated
   /// Share of rounds in which it must be; 0: one round is enough.
   double share;
-  /// Only a processor that reorders what this one keeps in order, or does so more often, or a schedule explorer with weak
-  /// memory, shows it: run and reported, but not required.
+  /// Only a processor that reorders what this one keeps in order, or does so more often, or a schedule explorer with
+  /// weak memory, shows it: run and reported, but not required.
   bool needs_weak_memory;
   RoundRecord (*run)(const RoundPlan&);
 };

@@ -1,9 +1,9 @@
 // On diffuse scenes all that compute indirect light converge to path tracing's radiance, and Whitted's to that of light
 // which comes straight from a lamp: at the same visible points, in the mean of the picture and of its blocks.
 //
-// What the mean over many seeds is off by may be kErrors standard errors, and the bias that kMethods states, which falls
-// with the cache's accuracy and the cells' size. With four times the virtual lights, rays or paths, and that finer, whole
-// pictures have less error.
+// What the mean over many seeds is off by may be kErrors standard errors, and the bias that kMethods states, which
+// falls with the cache's accuracy and the cells' size. With four times the virtual lights, rays or paths, and that
+// finer, whole pictures have less error.
 #include <gtest/gtest.h>
 
 #include <algorithm>

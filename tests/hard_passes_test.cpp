@@ -81,8 +81,8 @@ class Rendering {
 class HardPasses : public ::testing::TestWithParam<RecordKind> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, HardPasses, ::testing::ValuesIn(record_kinds()), kind_name);
 
-// Guards against: any NaN, infinity or negative value in the pictures of waves and overtures, pixels that get no answer,
-// and light that gets lost or comes about; in each scene, besides, against what kHardScenes names.
+// Guards against: any NaN, infinity or negative value in the pictures of waves and overtures, pixels that get no
+// answer, and light that gets lost or comes about; in each scene, besides, against what kHardScenes names.
 TEST_P(HardPasses, WavesAndOverturesMakeImagesOfTheRightBrightness) {
   const bool by_vpls = GetParam().by_vpls();
   for (const HardScene& hard : kHardScenes) {

@@ -17,8 +17,8 @@ class PlainSource final : public RecordSource {
   Record evaluate(unsigned, Tracer&, const Visible&, const SampleKey&) noexcept override { return {}; }
 };
 
-// Guards against: sums in the order of the cache. Such pictures are alike all the same where irradiance is: doubles hold
-// sums of floats exactly unless these are 2^29 times as large as one another. Here the mean of four lies half way
+// Guards against: sums in the order of the cache. Such pictures are alike all the same where irradiance is: doubles
+// hold sums of floats exactly unless these are 2^29 times as large as one another. Here the mean of four lies half way
 // between two floats, but for what the small ones add, and each alone is lost beside the large one.
 TEST(Answers, AreSummedInAnOrderThatTheCacheHasNoPartIn) {
   PlainSource source;

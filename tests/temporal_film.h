@@ -1,5 +1,5 @@
-// Animations by temporal instant caching for its tests: what is in the cache after every step, beside what would be made
-// anew.
+// Animations by temporal instant caching for its tests: what is in the cache after every step, beside what would be
+// made anew.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// Temporal instant caching: which records go, and when: those that no pixel uses, those that others make superfluous, and
-// all of them where that costs less than updates.
+// Temporal instant caching: which records go, and when: those that no pixel uses, those that others make superfluous,
+// and all of them where that costs less than updates.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -158,7 +158,8 @@ TEST(TemporalRecords, OneWithoutAnIdIsNeededByNobody) {
   Told told;
   const auto offer_and_tell = [&](std::vector<std::uint32_t> ids) {
     NeededRecord needed;
-    for (std::uint64_t order = 0; order < ids.size(); ++order) needed.offer({{}, {}, 0.0f, {}, ids[order]}, order);
+    for (std::uint64_t order = 0; order < ids.size(); ++order)
+      needed.offer({{}, {}, 0.0f, {}, ids[order]}, order);
     needed.tell(told);
   };
   offer_and_tell({RecordTable::kNone, 7, 8});

@@ -67,8 +67,8 @@ inline constexpr std::uint32_t kJudgedLightSamples = 16;
 /// instant caching and by instant global illumination with the same virtual lights. A sample is one seed.
 std::unique_ptr<Experiment> temporal_visible(const Machine& machine, const Setting& setting);
 
-/// Bytes that temporal instant caching keeps of a record beside the cache and the gradients, which instant caching keeps
-/// as well, over 64 and a bit a virtual light.
+/// Bytes that temporal instant caching keeps of a record beside the cache and the gradients, which instant caching
+/// keeps as well, over 64 and a bit a virtual light.
 std::unique_ptr<Experiment> temporal_memory(const Machine& machine);
 
 }  // namespace icbench

@@ -48,8 +48,8 @@ std::unique_ptr<Experiment> records_mended(const Machine& machine, std::string_v
 std::unique_ptr<Experiment> error_at_equal_time(const Machine& machine, std::string_view scene,
                                                 std::uint32_t spp);
 
-/// How far the mean of cached pictures lies from path tracing's, as a share of it; at the scene's own accuracy. A sample
-/// is the mean of four seeds. Needs no quiet.
+/// How far the mean of cached pictures lies from path tracing's, as a share of it; at the scene's own accuracy. A
+/// sample is the mean of four seeds. Needs no quiet.
 std::unique_ptr<Experiment> mean_off(const Machine& machine, std::string_view scene, Interpolation level);
 
 /// Mean of a cached picture of the white furnace over albedo^2, the truth. A sample is one seed.

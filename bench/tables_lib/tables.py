@@ -198,8 +198,8 @@ def _over_frames(store: Store, plan: Plan, every: int) -> dict:
 
 
 def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
-    """TIC's memory beside the cache's and beside gradients, which IC keeps as well; and the work that it saved after the
-    first frame.
+    """TIC's memory beside the cache's and beside gradients, which IC keeps as well; and the work that it saved after
+    the first frame.
     """
     results = [r for r in (store.result(plan.timing["tic", n]) for n in range(rounds))
                if r] if plan.timing else []

@@ -1,18 +1,19 @@
 // What a packed octree (caches/packed_octree.h) keeps, its cells, records and lists, and how a query goes through them:
-// down one path from the root, taking up the cells on it; over their lanes, by vectors; and to the records of those that
-// are kept, which are tested exactly.
+// down one path from the root, taking up the cells on it; over their lanes, by vectors; and to the records of those
+// that are kept, which are tested exactly.
 //
-// A query waits for memory as little as it can: cells and strips are asked for as soon as the words that lead to them are
-// known, before anything in them is needed. Queries of a batch are all at one stage, so that one's waiting is the others'
-// time.
+// A query waits for memory as little as it can: cells and strips are asked for as soon as the words that lead to them
+// are known, before anything in them is needed. Queries of a batch are all at one stage, so that one's waiting is the
+// others' time.
 //
 // Publication pairs: those of caches/packed_cells.h (P2), slot_list.h (P3) and visibility.h (P1, P4, P5), and P6 of
 // caches/packed_octree.h.
 //
-// Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once. The
-// levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the mask, the
-// word of its further lanes and the list's count; then the lanes and places that these showed, once (list_steps), but
-// without snapshots the mark of the first record up to eight times. A cell counts as two lists, its lanes and the rest.
+// Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once.
+// The levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the
+// mask, the word of its further lanes and the list's count; then the lanes and places that these showed, once
+// (list_steps), but without snapshots the mark of the first record up to eight times. A cell counts as two lists, its
+// lanes and the rest.
 #pragma once
 
 #include <algorithm>

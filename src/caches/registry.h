@@ -91,8 +91,7 @@ using PackedSpinRwMutex = Locked<PlainPacked, SpinRwMutex, Counters>;
 template <class Counters = NoCounters>
 using PackedDistributedRw = Locked<PlainPacked, DistributedRw<>, Counters>;
 template <class Counters = NoCounters>
-using PackedNodeLock =
-    Direct<Packed<PlainSync, AtFirstSight, SimdLanes, SpinNodeLock<>>, Counters>;
+using PackedNodeLock = Direct<Packed<PlainSync, AtFirstSight, SimdLanes, SpinNodeLock<>>, Counters>;
 template <class Counters = NoCounters>
 using PackedLocalWrite = LocalWrite<Packed<StdSync>, PlainPacked, Counters>;
 template <class Counters = NoCounters>

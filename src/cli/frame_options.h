@@ -38,8 +38,8 @@ class FrameSetup {
   /// Throws std::runtime_error with one line for options that cannot be met.
   explicit FrameSetup(const FrameOptions& o);
 
-  /// Lines on standard error: what the scene's file has that is left out or stands for something else, and which options
-  /// were given and have no effect on the integrator. To be called once nothing is refused any more.
+  /// Lines on standard error: what the scene's file has that is left out or stands for something else, and which
+  /// options were given and have no effect on the integrator. To be called once nothing is refused any more.
   void tell_notes() const;
 
   RayTracer& rays() noexcept { return *rays_; }

@@ -1,9 +1,10 @@
 // Pool memory: address space reserved once, handed out by fetch_add, zero when handed out.
 //
 // An Arena reserves its whole capacity as address space; pages become memory when first touched, on the memory node of
-// the thread that does. A Cursor is one session's view: it takes pieces of the arena by one fetch_add and allocates from
-// its piece without sharing anything. A piece is smaller than a page, so the node is the session's own only where it
-// takes many pieces at a time (prefault); else neighbours share pages, on large ones some hundred pieces of all sessions.
+// the thread that does. A Cursor is one session's view: it takes pieces of the arena by one fetch_add and allocates
+// from its piece without sharing anything. A piece is smaller than a page, so the node is the session's own only where
+// it takes many pieces at a time (prefault); else neighbours share pages, on large ones some hundred pieces of all
+// sessions.
 //
 // Progress: take is wait-free, one load and one fetch_add; allocate is two of these at most. No lock, no malloc.
 #pragma once
@@ -33,9 +34,9 @@ using UnitIndex = std::uint32_t;
 template <class Sync, std::size_t kUnitBytes>
 class Arena {
  public:
-  /// Reserves address space for `units` units. Fails at set-up with one line if the system has none. `ahead`: units over
-  /// these for take_ahead, as far as there are indices. `expected`: those that will be used, as a rule; `when_large`
-  /// asks for as many large pages as these fill, since one that is used in part is resident as a whole.
+  /// Reserves address space for `units` units. Fails at set-up with one line if the system has none. `ahead`: units
+  /// over these for take_ahead, as far as there are indices. `expected`: those that will be used, as a rule;
+  /// `when_large` asks for as many large pages as these fill, since one that is used in part is resident as a whole.
   explicit Arena(std::uint64_t units, std::uint64_t ahead = 0, LargePages large_pages = LargePages::never,
                  std::uint64_t expected = 0)
       : units_(std::min<std::uint64_t>(units + ahead + 1, UINT32_MAX)),

@@ -64,9 +64,9 @@ inline bool lies_in_front(const SurfacePoint& x, const Record& r) noexcept {
 }
 
 /// Whether `r` is too far from the point to be valid for accuracy `a`, told without roots or divisions; never true of a
-/// record that split_sphere_error has below `a`. The margin is a thousand times the rounding of both sides; squares that
-/// lose bits to underflow may hide that a record is too far, never that it is not, since the error, too, is the root of
-/// this square of the distance.
+/// record that split_sphere_error has below `a`. The margin is a thousand times the rounding of both sides; squares
+/// that lose bits to underflow may hide that a record is too far, never that it is not, since the error, too, is the
+/// root of this square of the distance.
 inline bool is_surely_too_far(const SurfacePoint& x, const Record& r, float a) noexcept {
   const glm::vec3 d = x.p - r.p;
   const float reach = a * r.R;

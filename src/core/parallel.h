@@ -66,8 +66,8 @@ class FirstException {
   std::exception_ptr exception_;
 };
 
-/// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the machine has
-/// processing units. f is called from several threads at once. If it throws, chunks may be left out, and one of the
+/// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the machine
+/// has processing units. f is called from several threads at once. If it throws, chunks may be left out, and one of the
 /// exceptions comes out of here when all threads have ended.
 template <class F>
 void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {

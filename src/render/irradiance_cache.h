@@ -82,8 +82,8 @@ RecordShapes make_shapes(const PassSetup& setup);
 RecordShapes make_shapes_of_vpls(const PassSetup& setup);
 
 /// Mean luminance of indirect irradiance, W/m^2, in a picture of width times height pixels from the scene's camera, by
-/// 16 rays from each of 256 pixels on a grid; 0 where none of them reflects light. Its standard deviation is 3 to 9 % in
-/// four scenes (tests/render_cached_test.cpp). The same for any number of threads.
+/// 16 rays from each of 256 pixels on a grid; 0 where none of them reflects light. Its standard deviation is 3 to 9 %
+/// in four scenes (tests/render_cached_test.cpp). The same for any number of threads.
 float mean_irradiance(const RayTracer& rays, Crew& crew, int width, int height, std::uint64_t seed);
 
 /// Records by hemisphere gathers at the other levels of interpolation: with gradients, and radii as the level says; at
@@ -211,8 +211,8 @@ class OverlappedHits {
     }
   }
 
-  /// Calls show(visible, irradiance) for every hit in the order in which they were added; those that new records count at
-  /// have irradiance_at(visible) instead of what they were added with.
+  /// Calls show(visible, irradiance) for every hit in the order in which they were added; those that new records count
+  /// at have irradiance_at(visible) instead of what they were added with.
   template <class IrradianceAt, class Show>
   void show_all(IrradianceAt&& irradiance_at, Show&& show) const {
     for (const OverlappedHit& hit : hits_)
@@ -292,8 +292,8 @@ void irradiance_cache_tile(Session& session, RecordSource& source, unsigned thre
       overlapped->add_own(x, E);
   });
   if (!overlapped) return;
-  // Such a record may be worth so much that the guard against leaks no longer asks for the only one that covered the hit,
-  // which then makes another; those that were shown by then do without it.
+  // Such a record may be worth so much that the guard against leaks no longer asks for the only one that covered the
+  // hit, which then makes another; those that were shown by then do without it.
   const auto irradiance_at = [&](const Visible& x) noexcept {
     const std::optional<Irradiance> E = ask(x);
     return E ? *E : make_record(x);

@@ -1,5 +1,5 @@
-// Which of the records that answer a query it cannot do without: what temporal instant caching tells superfluous records
-// by (render/temporal.h).
+// Which of the records that answer a query it cannot do without: what temporal instant caching tells superfluous
+// records by (render/temporal.h).
 #pragma once
 
 #include <cstdint>

@@ -144,8 +144,8 @@ void for_each_visible(const Tile& tile, const PrimaryHits& primary, F&& f) {
       tile, primary, [](const Tile& t, int width, auto&& g) { for_each_pixel(t, width, g); }, f);
 }
 
-/// From coarse to fine, as for_each_pixel_coarse_to_fine. Neighbours in this order are far apart in memory, so each main
-/// hit is asked for while the one before is at work.
+/// From coarse to fine, as for_each_pixel_coarse_to_fine. Neighbours in this order are far apart in memory, so each
+/// main hit is asked for while the one before is at work.
 template <class F>
 void for_each_visible_coarse_to_fine(const Tile& tile, const PrimaryHits& primary, F&& f) {
   const auto one_behind = [&](const Tile& t, int width, auto&& g) {

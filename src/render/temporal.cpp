@@ -19,8 +19,8 @@ constexpr std::uint32_t kSweepUpdates = 8;  // after so many there is one even s
 constexpr std::size_t kGrain = 16;          // records a thread takes at a time
 
 // Records that are looked at to find what an update takes; what a ray in exact packing costs, in rays in fast packing;
-// and the share of the rays of new records from which on these are made instead. With 8,192 VPLs, at 0.75 (Bunnies 9) an
-// update took 1.08 times as long, at 0.42 (Bunnies 4), by a state before, 0.92 times.
+// and the share of the rays of new records from which on these are made instead. With 8,192 VPLs, at 0.75 (Bunnies 9)
+// an update took 1.08 times as long, at 0.42 (Bunnies 4), by a state before, 0.92 times.
 constexpr std::uint64_t kLookedAt = 64;  // about
 constexpr double kExactCost = 1.2;
 constexpr double kMostToUpdate = 0.6;
@@ -153,9 +153,9 @@ void TemporalSource::count_new_records() noexcept {
   }
 }
 
-// What the shadow rays of an update would cost, over those of as many new records. Of some records on what stands still,
-// and that stay: the others are made anew in any case. Which these are, and the result, do not depend on the number of
-// threads. What hides a light already is counted as if it did not.
+// What the shadow rays of an update would cost, over those of as many new records. Of some records on what stands
+// still, and that stay: the others are made anew in any case. Which these are, and the result, do not depend on the
+// number of threads. What hides a light already is counted as if it did not.
 double TemporalSource::share_to_update(const Change& c, Crew& crew) {
   constexpr std::uint64_t kAll = std::numeric_limits<std::uint64_t>::max();
   const std::uint64_t below = live_ <= kLookedAt ? kAll : kAll / live_ * kLookedAt;

@@ -16,8 +16,9 @@
 // are ordered by where they lie and face, so that those of a word are a region of their own: often all of it lies below
 // a horizon, out of sight or past what moved, and rays to it run side by side.
 //
-// *Samples* of 64 VPLs, from which compensation draws, follow the order of the paths instead: a run of a Halton sequence
-// stands for all of it, and samples are the same whatever frames went before, wherever their VPLs have their slots.
+// *Samples* of 64 VPLs, from which compensation draws, follow the order of the paths instead: a run of a Halton
+// sequence stands for all of it, and samples are the same whatever frames went before, wherever their VPLs have their
+// slots.
 //
 // Costs: 36 bytes a slot, 36 a VPL in samples, 16 a path vertex, 8 a path; tracing is parallel, taking over what was
 // traced is one short serial loop in the order of the paths, so that nothing depends on the threads.
@@ -65,8 +66,8 @@ class VplArrays {
   /// Values of all slots; valid until grow.
   const float* of(Component c) const noexcept { return values_.data() + c * slots_; }
 
-  /// Copies the VPLs of these slots, in this order, into samples of kWord each; what the last has too few sends nothing.
-  /// Samples stay what they are until this is called again.
+  /// Copies the VPLs of these slots, in this order, into samples of kWord each; what the last has too few sends
+  /// nothing. Samples stay what they are until this is called again.
   void arrange_samples(std::span<const std::uint32_t> slots);
   std::size_t samples() const noexcept { return samples_.size() / (kComponents * kWord); }
   /// Values of the kWord VPLs of a sample; valid until arrange_samples.

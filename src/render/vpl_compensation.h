@@ -1,5 +1,5 @@
-// What the clamp takes from the light of virtual point lights, estimated by rays (Kollig & Keller 2004, "Illumination in
-// the presence of weak singularities").
+// What the clamp takes from the light of virtual point lights, estimated by rays (Kollig & Keller 2004, "Illumination
+// in the presence of weak singularities").
 //
 // VPL j sends min(G_j, clamp) of its flux instead of G_j (render/vpl_gather.h). So light of close surfaces is missing;
 // rays with the cosine's density that look no farther than the clamp can matter bring it back, each surface met

@@ -288,8 +288,8 @@ void Waves::choose_runs() {
                    [](const Run& a, const Run& b) { return a.end - a.begin > b.end - b.begin; });
 }
 
-// Makes records until each miss of a run has its own or is covered by those that were made for it. Whether it really is,
-// the cache tells when it is asked again.
+// Makes records until each miss of a run has its own or is covered by those that were made for it. Whether it really
+// is, the cache tells when it is asked again.
 void Waves::make(const Thread& t, const Run& run) {
   const Frame& frame = t.frame;
   Worker& w = workers_[t.index];

@@ -18,8 +18,8 @@
 // Later samples of a pixel find nearly all records made, and take one wave of all pixels.
 //
 // Where records overlap, the hits of those pixels ask once more in the end at which records count that their tile got
-// later, as in a free-running pass (render/irradiance_cache.h), but for those that a record was made at. After an overture,
-// which asks all again, nothing is left to do.
+// later, as in a free-running pass (render/irradiance_cache.h), but for those that a record was made at. After an
+// overture, which asks all again, nothing is left to do.
 //
 // A block at a time, since rays from neighbours take the same ways: shadow rays of records that lie all over the image
 // take a tenth more time. Blocks are small, for there to be hundreds at once whatever the number of threads.

@@ -25,8 +25,8 @@ float smooth_union(float a, float b, float k) noexcept;
 
 /// Meshes f = 0 on cubic cells of edge `cell` by surface nets (Gibson 1998): one vertex per cell that the
 /// surface crosses, moved onto the surface along the gradient, which also gives its normal. The solid must
-/// lie inside `bounds`; a part, or a hollow, that fits between lines four cells apart may be missed. Evaluates f at every
-/// fourth corner of the grid each way, once at the corners of those cells, and seven times a vertex.
+/// lie inside `bounds`; a part, or a hollow, that fits between lines four cells apart may be missed. Evaluates f at
+/// every fourth corner of the grid each way, once at the corners of those cells, and seven times a vertex.
 Mesh mesh_implicit(std::string name, const SolidFunction& f, const Bounds& bounds, float cell,
                    std::uint32_t material);
 

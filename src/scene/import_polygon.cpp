@@ -14,8 +14,8 @@ constexpr double kOnLine = 1e-12;
 
 double cross(const glm::dvec2& a, const glm::dvec2& b) { return a.x * b.y - a.y * b.x; }
 
-// Cuts off one ear after another. For every corner that is none it is known which other one is in the way, so that it is
-// looked for again only when that one is gone: usually as many steps as the square of the number of corners.
+// Cuts off one ear after another. For every corner that is none it is known which other one is in the way, so that it
+// is looked for again only when that one is gone: usually as many steps as the square of the number of corners.
 class EarClipper {
  public:
   EarClipper(std::vector<glm::dvec2> points, double tolerance)

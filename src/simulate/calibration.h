@@ -24,12 +24,12 @@ namespace icbench {
 
 /// How far simulated times were found to be from measured ones.
 struct Validation {
-  unsigned threads = 0;         ///< most that were measured
+  unsigned threads = 0;  ///< most that were measured
   /// How cores lay in the virtual machine; 0 in files of builds that did not tell.
   unsigned cores_per_complex = 0, cores_per_socket = 0;
-  unsigned points = 0;          ///< caches x workloads x thread counts, of more than one thread
+  unsigned points = 0;  ///< caches x workloads x thread counts, of more than one thread
   unsigned records_points = 0, waiting_points = 0;  ///< of these, that can repeat work, that can wait
-  double throughput_error = 0;  ///< median of |simulated - measured| / measured
+  double throughput_error = 0;                      ///< median of |simulated - measured| / measured
   double records_error =
       0;  ///< of redundant records, over the measured ones or 1 % of the records if that is more
   double waiting_error =

@@ -27,10 +27,11 @@ struct SimulationRequest {
   std::vector<std::string> caches;
   std::vector<unsigned> cores;
   MachineModel machine{};  ///< all but cores and transfers, which a point and the calibration give
-  std::optional<Transfers> transfers{};  ///< instead of the calibration's; what is simulated so was not validated
-  std::optional<HandOver> hand_over{};   ///< likewise
+  /// Instead of the calibration's; what is simulated so was not validated.
+  std::optional<Transfers> transfers{};
+  std::optional<HandOver> hand_over{};  ///< likewise
   std::uint64_t seed = 1;
-  std::string calibration_path;  ///< empty: kept nowhere
+  std::string calibration_path;      ///< empty: kept nowhere
   std::string host_name, cpu_model;  ///< of this machine
   std::string commit;                ///< of this program
 };

@@ -40,8 +40,8 @@ struct ComparedPoint {
   Rounds measured{}, simulated{};
   Rounds by_file{};  ///< simulated by the costs that the calibration takes on; of more than one thread
 
-  /// Of `entries`, which are some, the one of the median throughput, so that its figures belong together; the slower one
-  /// in the middle of an even number.
+  /// Of `entries`, which are some, the one of the median throughput, so that its figures belong together; the slower
+  /// one in the middle of an even number.
   const Entry& usual() const;
 
   /// Of the median of the rounds' ratios: what a round's two have in common, the machine's state, cancels.

@@ -25,8 +25,9 @@ PlanPoints plan_points(const WorkloadSpec& spec, const RayTracer& rays, std::uin
   PlanPoints out;
   // Where records come about by misses, any query may leave one.
   const auto radii = spec.kind == WorkloadKind::miss_driven ? WithRadii::yes : WithRadii::no;
-  out.queries = spec.order == PointOrder::coherent ? image_points(rays, kImage, kImage, seed, radii, out.tile_ends)
-                                                   : scattered_points(rays, kQueryPoints, seed, radii);
+  out.queries = spec.order == PointOrder::coherent
+                    ? image_points(rays, kImage, kImage, seed, radii, out.tile_ends)
+                    : scattered_points(rays, kQueryPoints, seed, radii);
   if (const std::uint32_t n = spec.prefilled() + spec.inserts(); n != 0) {
     out.sites = scattered_points(rays, n, hash_keys(seed, 1), WithRadii::yes);
   }

@@ -19,9 +19,9 @@ namespace icbench {
 
 class TracePlan {
  public:
-  /// `scale`: of the records' costs; 1 as they were, 0 none. `as_captured`: records are made where the render made them,
-  /// and nowhere else, whatever queries answer. Throws std::runtime_error with one line if the trace contradicts itself:
-  /// a query was answered where no record is valid.
+  /// `scale`: of the records' costs; 1 as they were, 0 none. `as_captured`: records are made where the render made
+  /// them, and nowhere else, whatever queries answer. Throws std::runtime_error with one line if the trace contradicts
+  /// itself: a query was answered where no record is valid.
   TracePlan(Trace trace, double scale, bool as_captured = false);
 
   const Trace& trace() const noexcept { return trace_; }

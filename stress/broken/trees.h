@@ -1,6 +1,6 @@
-// Broken caches made of shipping ones: Ward's tree and the packed octree over Sync policies that do not keep their word,
-// and wrappers that lose something at a quiescent point. Each must be seen failing. Templates over the Sync policy, as
-// those on lists are.
+// Broken caches made of shipping ones: Ward's tree and the packed octree over Sync policies that do not keep their
+// word, and wrappers that lose something at a quiescent point. Each must be seen failing. Templates over the Sync
+// policy, as those on lists are.
 #pragma once
 
 #include <optional>

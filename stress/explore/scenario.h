@@ -2,8 +2,8 @@
 //
 // A scenario says what each thread does; all that happens is at one place in a corner, so that a query looks
 // into one cell of each level and steps are few. Records come in four sizes: size 0 belongs in the root, 1, 2 and 3
-// one, two and five levels below, where nodes are installed on the way. (The packed octree keeps what is small and alone
-// up to two levels above: of the first three only records that find the root crowded leave it.)
+// one, two and five levels below, where nodes are installed on the way. (The packed octree keeps what is small and
+// alone up to two levels above: of the first three only records that find the root crowded leave it.)
 //
 // Two ways of telling what preceded what:
 //

@@ -133,7 +133,8 @@ class ProgressCheck {
     }
   }
 
-  /// Points of the victim undisturbed. There may be more of them with more sessions, so those of all `fibers` are there.
+  /// Points of the victim undisturbed. There may be more of them with more sessions, so those of all `fibers` are
+  /// there.
   std::uint64_t run_alone(const Setting& setting, unsigned fibers) {
     Trial trial = make_trial(setting, fibers);
     start(trial, kVictim, setting.victim);

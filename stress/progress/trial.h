@@ -48,8 +48,8 @@ struct StepTally {
   void add(const StepTally& other);
 };
 
-/// Room for records: for some 8,000, or 65,000, which takes longer to set up; or so little that every allocation goes to
-/// a pool that has no whole piece left.
+/// Room for records: for some 8,000, or 65,000, which takes longer to set up; or so little that every allocation goes
+/// to a pool that has no whole piece left.
 enum class Pool { usual, large, scarce };
 
 class Trial {
