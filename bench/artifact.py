@@ -178,6 +178,8 @@ def run(options: argparse.Namespace) -> int:
         said, contradicts = judge(c, told, result)
         if where != machine:
             said += f" ({where})"
+        if "note" in told:
+            said += f" (claimed with {told['note']})"
         kind = re.split("[,:(]", said)[0].rstrip()
         counts[kind] = counts.get(kind, 0) + 1
         seconds += result["seconds"]

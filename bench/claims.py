@@ -4,11 +4,12 @@ That file is their one place. Each has its claimed figure as these pages tell it
 range, or a value alone) and its verdict against the target of the row in bench/targets, misses included; or, where a
 claim holds or does not, a command that shows it. Figures are of the first of `machines` unless the claim names its
 `machine`; `elsewhere` has those of others, by machine. `seconds` is what it took on the last one that told. `readme`
-has the words of a figure that the pages tell in another form, `note` what they tell beside it: what it was measured
-with, where that is not what the row takes now. `quick` are README's claims, which half an hour is for; one that takes
-too long for it says why it is `outside`. A check `needs` a program that not every machine has. Rows that share their
-samples name all of them as `together`. Rows whose samples take long are measured by `samples` of them, six at least,
-instead of bench/targets' usual eleven.
+has the words of a figure that the pages tell in another form, `also` what another day said, `note` with what it was
+measured, where the row takes something else now or the words above a table do. `quick` are README's claims, which half
+an hour is for; one that takes too long for it says why it is `outside`. A check `needs` a program that not every
+machine has. Rows that share their samples name all of them as `together`. Rows are measured by `samples` of them, six
+at least, where that is not bench/targets' usual eleven: fewer where samples take long, more where those left it
+undecided.
 
 bench/pages.py makes tables of them, bench/artifact.py measures them again; tests/artifact_test.py holds pages and rows
 to them.
@@ -109,16 +110,3 @@ def command_of(claim: dict, out: str) -> str:
     if "row" in claim:
         return shlex.join(["build/release/bin/targets", *options_of(claim)])
     return claim["command"].replace("{out}", out)
-
-
-def time_of(claim: dict) -> str:
-    seconds = claim.get("seconds")
-    fewer = f" (`--samples {claim['samples']}`)" if "samples" in claim else ""
-    if seconds is None:
-        return "not timed" + fewer
-    return (f"{seconds} s" if seconds < 120 else f"{seconds / 60:.0f} min") + fewer
-
-
-def path_of(claim: dict) -> str:
-    """Whether the claim is on the quick path, and why not where it should be."""
-    return "yes" if claim.get("quick") else f"no: {claim['outside']}" if "outside" in claim else ""
