@@ -22,6 +22,7 @@ kScenes = {"cornell_box": "Cornell box", "wobble": "Wobble", "desk": "Desk", "bu
 # How rows' names end, by number of records and where queries go.
 kSizes = {"10^5 records": "", "10^5, image": "_coherent",
           "10^6 records": "_million", "10^6, image": "_million_coherent"}
+kSizeInWords = r"; 10\^5 records, random points, 1 thread| with 10\^5 of them|10\^5 (?=records into)"
 kSizesOfInserts = {"10^5 records": "_100000", "10^6 records": "_1000000"}
 
 
@@ -89,7 +90,7 @@ def by_size(names: Sequence[str], machines: Sequence[str]) -> Callable[[Claims],
         body = []
         for name, row_of in rows_of.items():
             _, what = told.rows[next(iter(row_of.values()))]
-            what = re.sub(r"; 10\^5 records, random points, 1 thread| with 10\^5 of them|10\^5 (?=records into)", "", what)
+            what = re.sub(kSizeInWords, "", what)
             body.append([f"`{name}`: {what}", "", *(told.rows.get(row_of.get(size), [""])[0] for size in sizes)])
             for machine in machines:
                 cells = [shown(told.figures(row_of.get(size, "")).get(machine)) for size in sizes]
@@ -100,8 +101,10 @@ def by_size(names: Sequence[str], machines: Sequence[str]) -> Callable[[Claims],
 
 
 def by_scene(columns: Sequence[tuple[str, str, str]], lights: bool = False) -> Callable[[Claims], list[str]]:
-    """A scene a line, figures of the claims' own machines. Columns are a heading, how rows' names begin, and the machine
-    whose figures have no mark. `lights`: with the scene's number of virtual lights.
+    """A scene a line, figures of the claims' own machines.
+
+    Columns are a heading, how rows' names begin, and the machine whose figures have no mark. `lights`: with the scene's
+    number of virtual lights.
     """
     def lights_of(told: Claims, scene: str) -> str:
         return f"{int(re.search(r'([0-9]+) virtual lights', told.rows[f'tic_visible_{scene}'][1])[1]):,}"
