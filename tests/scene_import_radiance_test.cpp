@@ -134,6 +134,17 @@ TEST(ImportRadiance, ACylinderOfNegativeRadiusIsATube) {
                        "negative radius"));
 }
 
+TEST(ImportRadiance, NumbersTooSmallAreZeroAndTooLargeAnErrorHoweverTheyAreWritten) {
+  const std::string zeros(400, '0');
+  const auto said = [&](const std::string& x) {
+    return error_of([&] { import_text("s.rad", std::string(kRed) + "red sphere s 0 0 4 " + x + " 0 0 1"); });
+  };
+  for (const std::string& small : {"0." + zeros + "1", std::string("1e-400"), "-0." + zeros + "1e-5"})
+    EXPECT_EQ(said(small), "") << small;
+  for (const std::string& large : {"1" + zeros, std::string("1e400"), "1" + zeros + "e-1"})
+    EXPECT_TRUE(is_one_line_with(said(large), "is not a real argument of at most")) << large;
+}
+
 TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
   const TemporaryFolder folder;
   write(folder / "room.rad", kRadianceRoom);

@@ -117,6 +117,60 @@ TEST(ImportGltf, KeysAreInterpolatedAsTheySay) {
               1e-5f);
 }
 
+// Of keys at the times of frames, rounded to floats, each step comes with its frame.
+TEST(ImportGltf, StepsComeWithTheirFrames) {
+  GltfFile f = grey_cube();
+  std::vector<float> times, values;
+  for (int k = 0; k < 2400; ++k) {
+    times.push_back(static_cast<float>(k / 24.0));
+    values.insert(values.end(), {static_cast<float>(k), 0, 0});
+  }
+  f.animate(0, "translation", f.scalars(times), f.vec3s(values), "STEP");
+  const Scene scene = import_gltf(f).scene;
+  for (int k = 0; k < 2400; ++k)
+    EXPECT_FLOAT_EQ(scene.meshes[0].pose(static_cast<float>(k)).shift.x, static_cast<float>(k));
+}
+
+// What is small for a moment is not degenerate.
+TEST(ImportGltf, AMeshThatGrowsKeepsItsTriangles) {
+  for (const bool grows : {true, false}) {
+    GltfFile f;
+    std::vector<float> positions;
+    std::vector<std::uint16_t> triangles;
+    constexpr int kSide = 200;
+    for (int y = 0; y <= kSide; ++y)
+      for (int x = 0; x <= kSide; ++x)
+        positions.insert(positions.end(), {static_cast<float>(x) / kSide, static_cast<float>(y) / kSide, 0});
+    for (int y = 0; y < kSide; ++y)
+      for (int x = 0; x < kSide; ++x) {
+        const auto v = static_cast<std::uint16_t>(y * (kSide + 1) + x);
+        const auto up = static_cast<std::uint16_t>(v + kSide + 1);
+        triangles.insert(triangles.end(), {v, static_cast<std::uint16_t>(v + 1), up});
+      }
+    const auto grey = f.material(json::object());
+    const auto node = f.node({{"mesh", f.mesh(f.vec3s(positions), f.indices(triangles), grey)}});
+    f.node({{"mesh", f.square(grey)}, {"scale", {20, 20, 20}}});
+    f.animate(node, "scale", f.scalars({0, 1}),
+              f.vec3s(grows ? std::vector<float>{0, 0, 0, 1, 1, 1} : std::vector<float>{1, 1, 1, 0, 0, 0}));
+    ImportedScene imported = import_gltf(f);
+    prepare(imported.scene);
+    EXPECT_EQ(imported.scene.dropped_triangles, 0u) << grows;
+  }
+}
+
+TEST(ImportGltf, ACameraFarAwayLooksWhereItIsToldTo) {
+  GltfFile f = grey_cube();
+  f.doc["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 0.002}, {"znear", 0.1}}}}};
+  const double half = 0.5 * std::atan2(3.0, 4.0);  // turned about y toward the cube
+  f.node({{"camera", 0},
+          {"translation", {30'000, 0, 40'000}},
+          {"rotation", {0, std::sin(half), 0, std::cos(half)}}});
+  const Camera c = import_gltf(f).scene.camera;
+  EXPECT_LE(
+      glm::distance(glm::normalize(glm::dvec3(c.target) - glm::dvec3(c.eye)), glm::dvec3(-0.6, 0, -0.8)),
+      1e-6);
+}
+
 TEST(ImportGltf, AChannelThatDoesNotChangeIsNoMotion) {
   GltfFile f = grey_cube();
   f.animate(0, "translation", f.scalars({0, 1}), f.vec3s({3, 0, 0, 3, 0, 0}));

@@ -17,6 +17,7 @@
 #include "core/fp_traps.h"
 #include "files/input_file.h"
 #include "scene/import_model.h"
+#include "scene/import_text.h"
 #include "scene/import_trial.h"
 
 namespace icbench::importing {
@@ -161,7 +162,7 @@ class AssimpReader {
 
   void read_mesh(unsigned index, const aiMesh& mesh) {
     Shape shape;
-    shape.name = mesh.mName.length > 0 ? mesh.mName.C_Str() : fmt::format("mesh {}", index);
+    shape.name = mesh.mName.length > 0 ? short_name(mesh.mName.C_Str()) : fmt::format("mesh {}", index);
     shape.material =
         std::min<std::uint32_t>(mesh.mMaterialIndex, static_cast<std::uint32_t>(model_.materials.size() - 1));
     if (mesh.HasBones()) model_.notes.drop("skinning");
@@ -264,6 +265,9 @@ class AssimpReader {
     for (int c = 0; c < 3; ++c) {
       const float value = colour(light.mColorDiffuse)[c] / fall_off;
       lamp.intensity[c] = std::isfinite(value) ? std::max(value, 0.0f) : 0.0f;
+      if (lamp.intensity[c] > kMostIntensity)
+        fail(fmt::format("has a light '{}' of intensity {:.3g}; give each channel 0 to {}",
+                         short_name(light.mName.C_Str()), lamp.intensity[c], kMostIntensity));
     }
     if (light.mType == aiLightSource_SPOT) {
       const float outer = std::clamp(0.5f * light.mAngleOuterCone, 0.0f, 3.14159f);
@@ -297,7 +301,7 @@ class AssimpReader {
       const glm::dvec4 v = value(keys[k]);
       if (!std::isfinite(seconds) || !std::isfinite(v.x + v.y + v.z + v.w))
         fail("has an animation key that is not finite");
-      if (seconds < 0.0 || (!channel.times.empty() && seconds <= channel.times.back())) continue;
+      if (!channel.times.empty() && seconds <= channel.times.back()) continue;
       channel.times.push_back(seconds);
       channel.values.push_back(v);
     }

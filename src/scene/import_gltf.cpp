@@ -16,6 +16,7 @@
 #include "scene/import_gltf_material.h"
 #include "scene/import_json.h"
 #include "scene/import_model.h"
+#include "scene/import_text.h"
 
 namespace icbench::importing {
 namespace {
@@ -34,6 +35,8 @@ constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";  // named where i
 
 constexpr std::size_t kMaxPlaced = 1'000'000;
 constexpr std::size_t kMostNamed = 20;  // extensions
+// Channels may share a sampler, and each keeps its keys: most of these, beyond those that the file's bytes hold.
+constexpr std::size_t kMostSharedKeys = 1'000'000, kBytesPerKey = 4 + 6;
 
 struct Chunks {
   std::string_view json, binary;
@@ -191,7 +194,7 @@ class GltfReader {
   void place_camera(const Element& camera, std::uint32_t at) {
     if (camera.at("type").text() != "perspective") return model_.notes.drop("orthographic cameras");
     const Element yfov = camera.at("perspective").at("yfov");
-    if (!(yfov.number() > 1e-3 && yfov.number() < 3.14)) yfov.fail("must be an angle between 0 and pi");
+    if (!(yfov.number() > 1e-3 && yfov.number() < 3.14)) yfov.fail("must be an angle between 0.001 and 3.14");
     if (cameras_++ == 0) model_.lens = {at, Lens{.fov_y = static_cast<float>(yfov.number())}};
   }
 
@@ -200,10 +203,14 @@ class GltfReader {
     double colour[3] = {1.0, 1.0, 1.0};
     light.numbers("color", colour, 3);
     const double intensity = light.number("intensity", 1.0);
-    if (!(intensity >= 0.0 && intensity <= 1e20)) light.at("intensity").fail("must be between 0 and 1e20");
     Lamp lamp;
-    for (int c = 0; c < 3; ++c)
-      lamp.intensity[c] = static_cast<float>(intensity * std::clamp(colour[c], 0.0, 1e6));
+    for (int c = 0; c < 3; ++c) {
+      const double of_channel = intensity * std::max(colour[c], 0.0);
+      if (!(of_channel >= 0.0 && of_channel <= kMostIntensity))
+        light.fail(
+            fmt::format("has an intensity of {:.3g}; give each channel 0 to {}", of_channel, kMostIntensity));
+      lamp.intensity[c] = static_cast<float>(of_channel);
+    }
     lamp.directional = type == "directional";
     if (type == "spot") {
       const Element spot = light.at("spot");
@@ -227,7 +234,7 @@ class GltfReader {
     const Element primitives = mesh.at("primitives");
     for (std::size_t i = 0; i < primitives.size(); ++i) {
       Shape shape;
-      shape.name = mesh.text("name", mesh.place());
+      shape.name = short_name(mesh.text("name", mesh.place()));
       if (!read_primitive(primitives[i], shape)) continue;
       known->second.push_back(static_cast<std::uint32_t>(model_.shapes.size()));
       model_.shapes.push_back(std::move(shape));
@@ -338,6 +345,9 @@ class GltfReader {
     const std::vector<float> times = data_.floats(sampler.at("input"), 1, keys);
     const int components = to.path == Path::rotation ? 4 : 3;
     const std::vector<float> v = data_.floats(sampler.at("output"), components, values);
+    keys_ += keys;
+    if (keys_ > kMostSharedKeys + data_.bytes() / kBytesPerKey)
+      channel.fail("is one too many: channels share more keys than its file can hold; bake it anew");
     if (keys == 0 || values != keys * (to.interpolation == Interpolation::cubic ? 3 : 1))
       sampler.fail(fmt::format("has {} values for {} times", values, keys));
     for (std::size_t k = 0; k < keys; ++k) {
@@ -362,6 +372,7 @@ class GltfReader {
   std::map<std::uint32_t, std::vector<std::uint32_t>> shapes_of_;  // by mesh
   std::size_t vertices_ = 0, triangles_ = 0;
   int cameras_ = 0;
+  std::size_t keys_ = 0;  // of all channels
 };
 
 }  // namespace

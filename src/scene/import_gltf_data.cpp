@@ -105,19 +105,27 @@ std::string decode_base64(std::string_view text) {
 }
 
 GltfData::GltfData(const Element& document, std::string_view binary, const std::filesystem::path& file)
-    : document_(document), folder_(file.parent_path()) {
+    : document_(document), folder_(file.parent_path()), bytes_(binary.size()) {
   const std::size_t count = document.items("buffers");
-  loaded_.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
     const Element buffer = document.at("buffers")[i];
     const std::uint64_t length = buffer.at("byteLength").whole();
     std::string_view bytes = i == 0 ? binary : std::string_view();
-    if (const auto uri = buffer.find("uri")) bytes = loaded_[i] = load(*uri);
+    if (const auto uri = buffer.find("uri")) {
+      const auto [held, first] = loaded_.try_emplace(source_of(*uri));
+      if (first) bytes_ += (held->second = load(*uri)).size();
+      bytes = held->second;
+    }
     if (length > bytes.size())
       buffer.fail(fmt::format("has {} bytes of the {} that it claims", bytes.size(), length));
     buffers_.push_back(bytes.substr(0, length));
-    bytes_ += length;
   }
+}
+
+// What tells apart where the bytes come from, however a file's path is spelt.
+std::string GltfData::source_of(const Element& uri) const {
+  const std::string& text = uri.text();
+  return text.starts_with("data:") ? text : (folder_ / unescaped(text)).lexically_normal().string();
 }
 
 std::string GltfData::load(const Element& uri) const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <glm/mat4x4.hpp>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,9 @@ class GltfData {
   /// `binary` is the BIN chunk of a .glb file or empty; it and the document must outlive this. Throws
   /// std::runtime_error with the place, as do all functions here.
   GltfData(const Element& document, std::string_view binary, const std::filesystem::path& file);
+
+  /// Bytes of all buffers, those of one file counted once however many name it.
+  std::size_t bytes() const noexcept { return bytes_; }
 
   /// Bytes of a buffer view.
   std::string_view view(const Element& index) const;
@@ -43,6 +47,7 @@ class GltfData {
     bool normalised;
   };
 
+  std::string source_of(const Element& uri) const;
   Layout layout(const Element& accessor) const;
   Layout within(const Element& place, std::string_view bytes, std::uint64_t offset, Layout layout) const;
   static double component(const Layout& layout, std::size_t element, std::size_t component);
@@ -52,9 +57,9 @@ class GltfData {
 
   const Element document_;
   std::filesystem::path folder_;
-  std::vector<std::string> loaded_;
+  std::map<std::string, std::string> loaded_;  // by source_of
   std::vector<std::string_view> buffers_;
-  std::size_t bytes_ = 0;          // of all buffers
+  std::size_t bytes_ = 0;
   mutable std::size_t zeros_ = 0;  // elements read of accessors without bytes
 };
 

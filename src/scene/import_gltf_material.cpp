@@ -53,7 +53,7 @@ class MaterialReader {
     if (texture && m.surface == Surface::diffuse) {
       use = texture_use(*texture, m.texture);
     } else if (texture) {
-      m.albedo *= mean_colour(model_.textures[texture_index(*texture)]);
+      m.albedo *= mean(texture_index(*texture));
     }
     // A share for each of the two sheets.
     if (to.thin) m.albedo = glm::sqrt(m.albedo);
@@ -120,7 +120,14 @@ class MaterialReader {
     const auto texture = with_picture(material.find("emissiveTexture"));
     if (!texture) return emitted;
     model_.notes.add("emissive textures count by their mean colour");
-    return emitted * mean_colour(model_.textures[texture_index(*texture)]);
+    return emitted * mean(texture_index(*texture));
+  }
+
+  // Of a texture; many materials may ask for it.
+  const glm::vec3& mean(std::uint32_t texture) {
+    const auto [known, first] = means_.try_emplace(texture);
+    if (first) known->second = mean_colour(model_.textures[texture]);
+    return known->second;
   }
 
   // None where the texture has no picture, or one that only an extension knows.
@@ -185,6 +192,7 @@ class MaterialReader {
   const GltfData& data_;
   Model& model_;
   std::map<std::uint32_t, std::uint32_t> loaded_;  // from image to texture
+  std::map<std::uint32_t, glm::vec3> means_;       // by texture
   std::size_t texels_ = 0;
 };
 

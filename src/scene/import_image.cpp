@@ -17,6 +17,7 @@ constexpr std::string_view kPng("\x89PNG\r\n\x1a\n", 8), kJpeg("\xff\xd8\xff", 3
 // A block of 8 x 8 samples takes at least a bit of a JPEG file, and chroma is subsampled at most 4 by 4
 // times.
 constexpr std::size_t kTexelsPerByte = 8 * 64;
+constexpr std::size_t kMostScans = 100;  // of a progressive JPEG image, which usually has some ten
 
 void check_size(std::size_t width, std::size_t height) {
   if (width == 0 || height == 0 || width > kMaxTexels || height > kMaxTexels / width)
@@ -54,6 +55,12 @@ void decode_jpeg_into(Texture& texture, std::string_view bytes) {
   if (width * height > 16 * 64 + kTexelsPerByte * bytes.size())
     throw std::runtime_error(
         fmt::format("claims {} x {} texels, which its {} bytes cannot hold", width, height, size));
+  // Each goes over all texels, whether or not anything is left for it to tell.
+  std::size_t scans = 0;
+  for (std::size_t at = 0; (at = bytes.find("\xff\xda", at)) != bytes.npos; at += 2) ++scans;
+  if (scans > kMostScans)
+    throw std::runtime_error(
+        fmt::format("is a JPEG image of {} scans, {} at most are read; convert it", scans, kMostScans));
   const std::unique_ptr<stbi_uc, void (*)(void*)> texels(
       stbi_load_from_memory(data, size, &texture.width, &texture.height, &channels, 3), stbi_image_free);
   if (!texels) throw std::runtime_error(fmt::format("is a damaged JPEG image ({})", stbi_failure_reason()));

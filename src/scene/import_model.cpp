@@ -27,6 +27,8 @@ constexpr double kGlassThickness = 2.0 * kFarAway * 1e1 * kEpsilonShare;
 constexpr double kFlatShare = 1e-6;
 // Most poses that the motion of a scene may need.
 constexpr std::size_t kMaxPoses = 4'000'000;
+// Most steps up the hierarchy that these may take, with those of lamps and of the camera; each is a product of matrices.
+constexpr std::size_t kMaxSteps = 8'000'000;
 
 struct Box {
   glm::dvec3 lower{kFar}, upper{-kFar};
@@ -169,16 +171,23 @@ class Assembly {
 
   // Frames count as long as something depends on them.
   void choose_frames() {
-    std::size_t moving = 0;
-    for (const auto& [node, shape] : model_.placed_shapes) moving += rig_->moves(node);
-    const bool others = std::any_of(model_.lamps.begin(), model_.lamps.end(),
-                                    [&](const auto& lamp) { return rig_->moves(lamp.node); }) ||
-                        (model_.lens && rig_->moves(model_.lens->node));
-    if (moving == 0 && !others) return;
+    std::size_t moving = 0, steps = 0;  // of a frame
+    const auto count = [&](std::uint32_t node) {
+      if (rig_->moves(node)) steps += 1 + static_cast<std::size_t>(rig_->depth(node));
+      return rig_->moves(node);
+    };
+    for (const auto& [node, shape] : model_.placed_shapes) moving += count(node);
+    if (model_.lens) count(model_.lens->node);
+    std::size_t moving_lamps = 0;
+    for (const auto& lamp : model_.lamps) moving_lamps += count(lamp.node);
+    // Where a light changes all are looked at, materials as well.
+    if (moving_lamps > 0) steps += model_.lamps.size() + model_.materials.size();
+    if (steps == 0) return;
     if (moving > kMaxPoses) fail(fmt::format("moves {} meshes; at most {} can", moving, kMaxPoses));
     const double wanted = std::max(1.0, std::round(rig_->duration() * kFramesPerSecond));
-    const auto most =
-        static_cast<double>(std::min<std::size_t>(kMaxFrames, kMaxPoses / std::max<std::size_t>(moving, 1)));
+    const auto most = static_cast<double>(std::clamp<std::size_t>(
+        kMaxSteps / steps, 1,
+        std::min<std::size_t>(kMaxFrames, kMaxPoses / std::max<std::size_t>(moving, 1))));
     scene_.frames = static_cast<std::uint32_t>(std::min(wanted, most));
     model_.notes.add(wanted > most ? fmt::format("its animation is cut to {} frames of {:.6g}, {} a second",
                                                  scene_.frames, wanted, kFramesPerSecond)
@@ -345,9 +354,11 @@ class Assembly {
       return;
     }
     const auto view = [rig = std::shared_ptr<const Rig>(rig_), lens = *model_.lens, origin = origin_,
-                       ahead = std::max(bounds_.radius(), 1e-3)](float frame) {
+                       centre = bounds_.centre(), radius = std::max(bounds_.radius(), 1e-3)](float frame) {
       const glm::dmat4 m = rig->world(lens.node, frame / kFramesPerSecond);
       const glm::dvec3 eye = transform(m, lens.thing.eye) - origin;
+      // Far enough away that rounding to floats does not turn the view.
+      const double ahead = std::max(radius, glm::distance(eye, centre));
       const glm::dvec3 forward = unit_or(glm::dmat3(m) * lens.thing.forward, {0.0, 0.0, -1.0});
       return Camera{glm::vec3(eye), glm::vec3(eye + ahead * forward),
                     glm::vec3(unit_or(glm::dmat3(m) * lens.thing.up, {0.0, 1.0, 0.0})), lens.thing.fov_y};

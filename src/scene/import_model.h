@@ -73,6 +73,9 @@ struct Placed {
   Thing thing;
 };
 
+/// Most that a channel of a light's intensity may be, W/sr (a directional one's irradiance, W/m^2).
+inline constexpr double kMostIntensity = 1e20;
+
 /// A file's content.
 struct Model {
   std::string file;  ///< for messages

@@ -15,6 +15,7 @@
 #include "scene/import_polygon.h"
 #include "scene/import_radiance_shapes.h"
 #include "scene/import_radiance_words.h"
+#include "scene/import_text.h"
 
 namespace icbench::importing {
 namespace {
@@ -283,7 +284,7 @@ class RadianceReader {
     const auto [known, first] = shapes_.try_emplace({material, smooth}, model_.shapes.size());
     if (first) {
       model_.shapes.emplace_back();
-      model_.shapes.back().name = name;
+      model_.shapes.back().name = short_name(name);
       model_.shapes.back().material = material;
     }
     return model_.shapes[known->second];

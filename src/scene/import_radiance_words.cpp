@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <glm/geometric.hpp>
 #include <stdexcept>
+#include <string>
 
 #include "scene/import_text.h"
 
@@ -60,9 +62,8 @@ double RadianceWords::number(const char* what) {
   const char *start = w.data() + (w.starts_with('+') ? 1 : 0), *end = w.data() + w.size();
   double value = 0.0;
   const auto [stop, error] = std::from_chars(start, end, value);
-  // Too small a number is 0, too large a one an error.
-  if (error == std::errc::result_out_of_range)
-    value = w.find("e-") != w.npos || w.find("E-") != w.npos ? 0.0 : NAN;
+  // Too small a number is 0 or nearly so, too large a one infinite and an error.
+  if (error == std::errc::result_out_of_range) value = std::strtod(std::string(start, stop).c_str(), nullptr);
   if (error == std::errc::invalid_argument || stop != end || !(std::abs(value) <= kMostNumber))
     fail(line_, fmt::format("'{}' is not {} of at most {}", w.substr(0, 40), what, kMostNumber));
   return value;

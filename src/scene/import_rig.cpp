@@ -45,8 +45,9 @@ glm::dvec4 hermite(const glm::dvec4* key, double t, double span) {
 
 glm::dvec4 Channel::at(double seconds) const {
   const std::size_t stride = interpolation == Interpolation::cubic ? 3 : 1, middle = stride / 2;
+  const double now = interpolation == Interpolation::step ? seconds * (1.0 + 1e-6) : seconds;
   const auto after =
-      static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), seconds) - times.begin());
+      static_cast<std::size_t>(std::upper_bound(times.begin(), times.end(), now) - times.begin());
   if (after == 0) return values[middle];
   const std::size_t key = after - 1;
   if (after == times.size() || interpolation == Interpolation::step) return values[stride * key + middle];
@@ -66,7 +67,7 @@ bool Channel::is_constant() const {
 }
 
 std::uint32_t Rig::add(std::string name, int parent, const Local& local) {
-  nodes_.push_back({.name = one_line(std::move(name)), .parent = parent, .local = local});
+  nodes_.push_back({.name = short_name(std::move(name)), .parent = parent, .local = local});
   return static_cast<std::uint32_t>(nodes_.size() - 1);
 }
 

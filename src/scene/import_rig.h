@@ -32,7 +32,8 @@ struct Channel {
   /// One a time, a rotation as (x, y, z, w); cubic: three a time, the tangents per second around the value.
   std::vector<glm::dvec4> values;
 
-  /// The value at a time, that of the first or last key outside. A rotation is not yet normalised.
+  /// The value at a time, that of the first or last key outside. A rotation is not yet normalised. A step comes up to
+  /// a millionth of its time early: times in files are rounded, up as well as down.
   glm::dvec4 at(double seconds) const;
   bool is_constant() const;
 };
@@ -56,6 +57,9 @@ class Rig {
 
   /// Whether a node's place in the world depends on time.
   bool moves(std::uint32_t node) const { return nodes_[node].moves; }
+
+  /// Steps to the root, which `world` takes at most.
+  int depth(std::uint32_t node) const { return nodes_[node].depth; }
 
   /// From a node's space to the world's.
   glm::dmat4 world(std::uint32_t node, double seconds) const;

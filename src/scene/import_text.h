@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <string>
+#include <utility>
 
 namespace icbench::importing {
 
@@ -12,6 +14,18 @@ inline std::string one_line(std::string text) {
   std::replace_if(
       text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
   return text;
+}
+
+/// A name of some thing in a file, on one line and cut where it is long: it is copied for every instance of the thing.
+inline std::string short_name(std::string name) {
+  constexpr std::size_t kLongest = 100;  // bytes
+  if (name.size() > kLongest) {
+    std::size_t end = kLongest;
+    while (end > 0 && (static_cast<unsigned char>(name[end]) & 0xc0) == 0x80)
+      --end;  // within a letter of UTF-8
+    name = name.substr(0, end) + "...";  // in memory of its own
+  }
+  return one_line(std::move(name));
 }
 
 }  // namespace icbench::importing

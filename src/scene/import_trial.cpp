@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -9,9 +10,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <new>
+#include <optional>
 #include <system_error>
 
 namespace icbench::importing {
@@ -19,6 +23,8 @@ namespace {
 
 // A report must fit into a pipe, so that the child need not wait for its reader.
 constexpr std::size_t kMostText = 1024;
+// By the clock, for a second of processor time: who waits, for a pipe among the files, takes none.
+constexpr int kClockPerSecond = 10;
 
 // Sanitizers reserve address space by the terabyte.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -64,10 +70,18 @@ std::size_t address_space() {
   ::_exit(told ? 0 : 1);
 }
 
-std::string read_all(int fd) {
+// What comes until its writer is gone; nothing if that is not so by the deadline.
+std::optional<std::string> read_all(int fd, std::chrono::steady_clock::time_point deadline) {
   std::string text;
   char buffer[kMostText];
   for (;;) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now())
+            .count();
+    if (left <= 0) return std::nullopt;
+    pollfd waiting{fd, POLLIN, 0};
+    const int ready = ::poll(&waiting, 1, static_cast<int>(std::min<std::int64_t>(left, 60'000)));
+    if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
     const ssize_t n = ::read(fd, buffer, sizeof buffer);
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return text;
@@ -85,16 +99,18 @@ std::string try_apart(const std::function<std::string()>& attempt, std::size_t b
   if (child == 0) run(attempt, bytes, seconds, ends[1]);
   const int error = errno;
   ::close(ends[1]);
-  const std::string said = child > 0 ? read_all(ends[0]) : "";
+  const auto deadline = std::chrono::steady_clock::now() + kClockPerSecond * std::chrono::seconds(seconds);
+  const std::optional<std::string> said = child > 0 ? read_all(ends[0], deadline) : "";
+  if (!said) ::kill(child, SIGKILL);
   ::close(ends[0]);
   if (child < 0) return fmt::format("cannot be tried out: {}", std::generic_category().message(error));
   int status = 0;
   while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
-  if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
+  if (!said || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU))
     return fmt::format("takes longer than {} s to read", seconds);
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) return "makes its reader fail; it is damaged";
-  return said;
+  return *said;
 }
 
 }  // namespace icbench::importing

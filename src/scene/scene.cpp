@@ -24,6 +24,8 @@ constexpr double kThinnest = 1e-6;
 constexpr double kSmallest = 1e-12;
 // Embree ends the program where the square of a ray's coordinate leaves float's range, at 1.8e18.
 constexpr float kMostCoordinate = 1e15f;
+// Most that all point lights may give to a surface an epsilon away, W/m^2: far below float's largest, 3.4e38.
+constexpr double kMostIrradiance = 1e30;
 
 [[noreturn]] void fail(const Scene& scene, const std::string& what) {
   throw std::runtime_error(fmt::format("scene '{}': {}", scene.name, what));
@@ -95,6 +97,20 @@ void check_point_light(const Scene& scene, std::size_t i) {
                               l.intensity[c]));
   if (!(l.cos_outer >= -1.0f && l.cos_outer <= l.cos_inner && l.cos_inner <= 1.0f))
     fail(scene, fmt::format("point light {} needs -1 <= cos_outer <= cos_inner <= 1", i));
+}
+
+// Whether what point lights give to a surface as close to them as counts can be added and reflected in floats.
+void check_brightness(const Scene& scene, double epsilon) {
+  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) {
+    const glm::vec3& I = scene.point_lights[i].intensity;
+    const double brightest = std::max({I.x, I.y, I.z});
+    const double most = kMostIrradiance * epsilon * epsilon / static_cast<double>(scene.point_lights.size());
+    if (brightest > most)
+      fail(scene,
+           fmt::format(
+               "point light {} has {:.3g} W/sr, too many for a scene of this size; give it at most {:.3g}", i,
+               brightest, most));
+  }
 }
 
 void check_vertices(const Scene& scene, const Mesh& mesh, std::span<const glm::vec3> positions,
@@ -180,8 +196,8 @@ void check_pose(const Scene& scene, const Mesh& mesh, const Pose& pose, float fr
                             mesh.name, frame));
 }
 
-// Extends `bounds` by where a mesh is in any frame.
-void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds) {
+// Extends `bounds` by where a mesh is in any frame, and sets `largest` to its pose if it shows its shape larger.
+void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds, glm::mat3& largest) {
   const Mesh& mesh = scene.meshes[i];
   const Mesh& shape = scene.shape(i);
   if (shape.triangles.empty()) return;
@@ -205,6 +221,7 @@ void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds) {
   for_each_frame(scene, true, [&](float frame) {
     const Pose pose = mesh.pose(frame);
     check_pose(scene, mesh, pose, frame);
+    if (glm::determinant(pose.linear) > glm::determinant(largest)) largest = pose.linear;
     for (int c = 0; c < 8; ++c) extend(bounds, pose(corner(rest, c)));
   });
 }
@@ -262,17 +279,24 @@ void prepare(Scene& scene) {
     if (mesh.deform) mesh.deform(0.0f, mesh.positions, mesh.normals);
 
   Bounds bounds{glm::vec3(kFar), glm::vec3(-kFar)};
-  for (std::size_t i = 0; i < scene.meshes.size(); ++i) extend_by_mesh(scene, i, bounds);
+  // By mesh that has a shape: its pose where it is shown largest, by whatever instance.
+  std::vector<glm::mat3> largest(scene.meshes.size(), glm::mat3(0.0f));
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    const std::uint32_t shape = scene.meshes[i].instance_of;
+    extend_by_mesh(scene, i, bounds, largest[shape == kOwnShape ? i : shape]);
+  }
   if (bounds.lower.x > bounds.upper.x) fail(scene, "has no surface; add a mesh with at least one triangle");
   const float reach = reach_of(bounds);
   if (!(reach >= kMinReach && reach <= kMaxReach))
     fail(scene, fmt::format("reaches {} m from the origin; scale it to between {} and {} m", reach, kMinReach,
                             kMaxReach));
+  check_brightness(scene, scene_epsilon(reach));
 
   std::size_t left = 0;
-  for (Mesh& mesh : scene.meshes) {
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    Mesh& mesh = scene.meshes[i];
     if (!mesh.deform) {
-      const glm::dmat3 linear(mesh.pose ? mesh.pose(0.0f).linear : glm::mat3(1.0f));
+      const glm::dmat3 linear(mesh.pose ? largest[i] : glm::mat3(1.0f));
       scene.dropped_triangles += std::erase_if(
           mesh.triangles, [&](const glm::uvec3& t) { return is_degenerate(mesh, t, linear, reach); });
     }
