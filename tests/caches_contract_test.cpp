@@ -369,6 +369,43 @@ TEST_P(Contract, AnUpdateThatThrowsLeavesEveryRecordThereOnceOrGone) {
   session.visit(x, [&](const Record& r, float) { EXPECT_EQ(r.R, radii[r.id]) << r.id; });
 }
 
+TEST_P(Contract, AnUpdateThatThrowsGivesBackTheRoomOfWhatItDropped) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  AnyCache cache(GetParam(), config(kCapacity));
+  auto session = cache.open_session(0);
+  for (const Record& r : random_records(kCapacity, 71)) session.insert(r);
+  std::atomic<std::uint32_t> seen_by_f{0};
+  EXPECT_THROW(cache.update_records([&](Record&) {
+    if (++seen_by_f == kCapacity) throw std::runtime_error("the last");
+    return UpdateResult::drop;
+  }),
+               std::runtime_error);
+  const auto left = static_cast<std::uint32_t>(stored(cache).size());
+  for (std::uint32_t i = left; i < kCapacity; ++i)
+    ASSERT_EQ(session.insert(make_record(kCapacity + i, {0.5f, 0.5f, 0.5f}, {0, 0, 1}, 0.2f)),
+              InsertResult::inserted)
+        << i << " after " << left;
+}
+
+TEST_P(Contract, WhatAnUpdateLeavesUnfitToBeStoredGoes) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  const SurfacePoint x{{0.5f, 0.5f, 0.5f}, {0, 0, 1}};
+  for (std::uint32_t i = 0; i < 8; ++i) session.insert(make_record(i, x.p, x.n, 0.2f));
+  cache.update_records([](Record& r) {
+    if (r.id == 1) r.R = 0.0f;
+    if (r.id == 2) r.R = std::numeric_limits<float>::quiet_NaN();
+    if (r.id == 3) r.E.y = -1.0f;
+    if (r.id == 4) r.E.z = std::numeric_limits<float>::infinity();
+    if (r.id == 5) r.E.x = std::numeric_limits<float>::quiet_NaN();
+    return UpdateResult::keep;
+  });
+  EXPECT_EQ(stored(cache), (std::vector<std::uint32_t>{0, 6, 7}));
+  EXPECT_EQ(seen(session, x), stored(cache));
+}
+
 TEST_P(Contract, AcceptedRecordsSurviveAnyMixOfFramesUpdatesAndSessions) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   // Small pools, tiny radii (a path of nodes for each record) and pieces of memory left over in every session: what was

@@ -106,6 +106,36 @@ TEST_P(Room, DroppedRecordsMakeRoomBetweenMergesToo) {
   }
 }
 
+// Guards against: what lives took to need no more, where each next record beside it does. Piles in the packed octree are
+// as high as cells of three levels take them, what comes and goes beside them takes nearly all that is to spare of
+// further lanes, and then every pile gets one record more, which needs some in eight cells.
+TEST_P(Room, RecordsThatTakeMoreThanThoseBesideThemFitAsWell) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kPiles = 40, kHeight = 48, kOthers = 49, kFrames = 968;
+  AnyCache cache(
+      GetParam(),
+      {.bounds = {{0, 0, 0}, {1, 1, 1}}, .capacity = kPiles * kHeight + kOthers, .max_sessions = 1});
+  auto session = cache.open_session(0);
+  std::uint32_t next_id = 0;
+  // At corners of cells that no other pile reaches.
+  const auto insert = [&](std::uint32_t pile) {
+    const glm::uvec3 corner(pile % 31, pile / 31 % 31, pile / (31 * 31));
+    const glm::vec3 p = glm::vec3(2u * corner + 1u) / 64.0f;
+    return session.insert(make_record(next_id++, p, {0, 0, 1}, 0.005f));
+  };
+  for (std::uint32_t i = 0; i < kPiles * kHeight; ++i) ASSERT_EQ(insert(i / kHeight), InsertResult::inserted);
+  const std::uint32_t lasting = next_id;
+  for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+    for (std::uint32_t i = 0; i < kOthers; ++i)
+      ASSERT_EQ(insert(kPiles + frame), InsertResult::inserted) << "frame " << frame;
+    cache.update_records([&](Record& r) { return r.id < lasting ? UpdateResult::keep : UpdateResult::drop; });
+  }
+  for (std::uint32_t pile = 0; pile < kPiles; ++pile)
+    ASSERT_EQ(insert(pile), InsertResult::inserted) << "pile " << pile;
+  cache.end_frame();
+  EXPECT_EQ(stored(cache).size(), kPiles * (kHeight + 1));
+}
+
 TEST(MemoryBytes, IncludeWhatAStructureTakesEmpty) {
   constexpr std::string_view kPacked = "packed_";
   CacheConfig config{.capacity = 1u << 20, .max_sessions = 1};

@@ -138,11 +138,13 @@ class AppendLog {
   template <class F>
   void update_records(F&& f) {
     end_frame();
-    structure_.update(f);
-    const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
-    const std::uint64_t live = keep_room(structure_, config_.capacity, fresh_workspace);
-    sessions_.for_each([](State& s) { s.purse = {}; });
-    tickets_.restart(live);
+    const AtEnd restart{[this] {
+      sessions_.for_each([](State& s) { s.purse = {}; });
+      tickets_.restart(count_of(structure_));
+    }};
+    structure_.update(keeping_storable(f, config_.bounds));
+    keep_room(
+        structure_, config_.capacity, [this]() -> auto& { return workspace_ = {}; });
   }
 
   /// Lays the records out in the order of space (caches/tidy.h), those of the log among them.

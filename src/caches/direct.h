@@ -44,14 +44,16 @@ class Direct {
 
   template <class F>
   void update_records(F&& f) {
-    structure_.update(f);
+    const AtEnd restart{[this] {
+      sessions_.for_each([](State& s) { s.purse = {}; });
+      tickets_.restart(count_of(structure_));
+    }};
+    structure_.update(keeping_storable(f, config_.bounds));
     const auto fresh_workspace = [this]() -> auto& {
       sessions_.for_each([](State& s) { s.workspace = {}; });
       return sessions_[0].workspace;
     };
-    const std::uint64_t live = keep_room(structure_, config_.capacity, fresh_workspace);
-    sessions_.for_each([](State& s) { s.purse = {}; });
-    tickets_.restart(live);
+    keep_room(structure_, config_.capacity, fresh_workspace);
   }
 
   /// Lays the records out in the order of space (caches/tidy.h).

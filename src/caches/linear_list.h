@@ -84,7 +84,7 @@ class LinearList {
   }
 
   void clear() { pool_.reset(); }
-  std::uint32_t room() const noexcept { return static_cast<std::uint32_t>(pool_.left()); }
+  std::uint64_t room(std::uint64_t /*live*/) const noexcept { return pool_.left(); }
   void prefault(Workspace&, std::uint32_t n) noexcept { pool_.touch(0, n); }
   static std::size_t bytes(const Workspace& workspace) noexcept { return workspace.records_ * kRecordBytes; }
 

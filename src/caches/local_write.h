@@ -82,20 +82,27 @@ class LocalWrite {
 
   template <class F>
   void update_records(F&& f) {
-    shared_.update(f);
+    const AtEnd restart{[this] {
+      std::uint64_t live = count_of(shared_);
+      sessions_.for_each([&live](State& s) {
+        s.purse = {};
+        if (s.local != nullptr) live += count_of(*s.local);
+      });
+      tickets_.restart(live);
+    }};
+    const auto checked = keeping_storable(f, config_.bounds);
+    shared_.update(checked);
     const auto fresh_workspace = [this]() -> auto& {
       sessions_.for_each([](State& s) { s.merge_workspace = {}; });
       return sessions_[0].merge_workspace;
     };
-    std::uint64_t live = keep_room(shared_, config_.capacity, fresh_workspace);
+    keep_room(shared_, config_.capacity, fresh_workspace);
     sessions_.for_each([&](State& s) {
-      s.purse = {};
       if (s.local == nullptr) return;
-      s.local->update(f);
-      live += keep_room(
+      s.local->update(checked);
+      keep_room(
           *s.local, local_config_.capacity, [&s]() -> auto& { return s.local_workspace = {}; });
     });
-    tickets_.restart(live);
   }
 
   template <class F>

@@ -54,10 +54,13 @@ class Locked {
 
   template <class F>
   void update_records(F&& f) {
-    structure_.update(f);
-    const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
-    purse_ = {};
-    tickets_.restart(keep_room(structure_, config_.capacity, fresh_workspace));
+    const AtEnd restart{[this] {
+      purse_ = {};
+      tickets_.restart(count_of(structure_));
+    }};
+    structure_.update(keeping_storable(f, config_.bounds));
+    keep_room(
+        structure_, config_.capacity, [this]() -> auto& { return workspace_ = {}; });
   }
 
   /// Lays the records out in the order of space (caches/tidy.h).

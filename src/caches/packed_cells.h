@@ -100,8 +100,8 @@ class PackedCells {
         bricks_(top_cells() + sessions * kIdleBricks + 1, 0, large_pages, expected_bricks_),
         nodes_(spare_room * records * worst_nodes() + sessions * kIdleNodes + 1, records / kPerNode,
                large_pages, records / kPerNode),
-        cells_(spare_room * records * kMostCells + sessions * kIdleCells + 1, records / kPerCell, large_pages,
-               records / kPerCell),
+        cells_(spare_room * records * kWorstCells + sessions * kIdleCells + 1, records / kPerCell,
+               large_pages, records / kPerCell),
         more_(spare_room * records * kWorstMore + sessions * kIdleMore, records / kPerMore, large_pages,
               records / kPerMore) {
     plant();
@@ -201,13 +201,13 @@ class PackedCells {
     plant();
   }
 
-  /// Records for whose cells there is room for certain. Quiescent.
+  /// Records for whose cells there is room for certain if none were there yet. Quiescent.
   std::uint64_t room() const noexcept {
     const auto records = [this](std::uint64_t left, std::uint64_t idle, std::uint64_t worst) {
       return left > sessions_ * idle ? (left - sessions_ * idle) / worst : 0;
     };
     return std::min({records(nodes_.left(), kIdleNodes, worst_nodes()),
-                     records(cells_.left(), kIdleCells, kMostCells),
+                     records(cells_.left(), kIdleCells, kWorstCells),
                      records(more_.left(), kIdleMore, kWorstMore)});
   }
 
@@ -266,12 +266,12 @@ class PackedCells {
   std::uint32_t dense_entries() const noexcept { return grid_begin(top_level() + 1); }
 
   static constexpr std::uint32_t kBrickPiece = 4, kNodePiece = 64, kCellPiece = 16, kMorePiece = 16;
-  // What a record can need at worst: eight paths below the grid, and a cell at the end of each. Further lanes and lower
-  // cells are used only where many records are, and take less for each.
+  // What a record can need at worst, on average: eight paths below the grid, and a cell at the end of each. Further lanes
+  // and lower cells are used only where many records are: a full cell has at most eight below it.
   std::uint64_t worst_nodes() const noexcept {
     return kMostCells * static_cast<std::uint64_t>(kPackedLevels - grid_level_);
   }
-  static constexpr std::uint64_t kWorstMore = 2;
+  static constexpr std::uint64_t kWorstCells = kMostCells + kMostCells / 2, kWorstMore = 2;
   // Records that one of each is expected for, of memory that is touched beforehand or on large pages.
   static constexpr std::uint32_t kPerBrick = 100, kPerNode = 16, kPerCell = 4, kPerMore = 16;
   // What a session may hold without a record in it: the rest of two pieces, and a spare.

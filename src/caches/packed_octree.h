@@ -17,9 +17,9 @@
 // as well, into their lists. A second split would not pay: a child is at most 2.1 reaches wide, so most of what is
 // listed there is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and
 // their records are tested one by one. No list grows but with what is valid at one point: its records, of reach r, meet
-// a cell of side s <= 2.1 r, so they lie in that cell widened by r. On a surface this is s^2 + 4 s r + pi r^2 of area,
-// of which each covers pi r^2: so at some point at least a fifth of them is valid for a_max, as far as distance goes.
-// If they fill space it is a fourteenth.
+// a cell of side s <= 2.1 r, so they lie in that cell widened by r, of side 4.1 r. On a surface nine squares of side
+// 1.37 r cover it, in space 64 cubes of side 1.03 r, each within r of its centre: so at one of these centres a ninth of
+// the records, a 64th in space, is valid for a_max, as far as distance goes.
 //
 // What an insert does, step by step, and what others see if it stops there for ever
 //
@@ -208,7 +208,7 @@ class Packed {
   /// Forgets everything. Quiescent; workspaces must be made anew.
   void clear() { store_.clear(); }
 
-  std::uint32_t room() const noexcept { return store_.room(); }
+  std::uint64_t room(std::uint64_t live) const noexcept { return store_.room(live); }
   void prefault(Workspace& workspace, std::uint32_t n) noexcept { store_.prefault(workspace, n); }
   void touch(std::uint32_t offset, std::uint32_t n) noexcept { store_.touch(offset, n); }
 

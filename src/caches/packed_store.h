@@ -167,12 +167,11 @@ struct PackedStore {
     list.reset();
   }
 
-  /// Records that still fit for certain, whatever their places and whichever sessions insert them. Quiescent.
-  std::uint32_t room() const noexcept {
+  /// As keep_room asks (caches/session.h). Quiescent.
+  std::uint64_t room(std::uint64_t live) const noexcept {
     const std::uint64_t units = list.units_left(), idle = sessions * List::kIdleUnits;
     const std::uint64_t lists = units > idle ? (units - idle) / kWorstListUnits : 0;
-    const std::uint64_t fit = std::min({std::uint64_t{cells.room()}, records.room(), lists});
-    return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
+    return std::min(room_beside(live, std::min(cells.room(), lists)), records.room());
   }
 
   /// Takes and touches memory for about n inserts of one session.

@@ -268,15 +268,47 @@ inline const CacheConfig& checked(const CacheConfig& config) {
   return config;
 }
 
-/// Keeps a structure's promise of room for `capacity` records after an update: counts the records that live,
-/// and if the nodes that dropped ones left behind take the room of those to come, builds the structure anew.
-/// `fresh_workspace` empties all workspaces on the structure and returns one of them. Quiescent; returns the
-/// count.
-template <class Structure, class FreshWorkspace>
-std::uint64_t keep_room(Structure& structure, std::uint32_t capacity, FreshWorkspace&& fresh_workspace) {
+/// Calls f when it goes out of scope, also where an exception is the reason.
+template <class F>
+struct AtEnd {
+  F f;
+  ~AtEnd() { f(); }
+};
+template <class F>
+AtEnd(F) -> AtEnd<F>;
+
+/// Records that are in a structure. Quiescent.
+template <class Structure>
+std::uint64_t count_of(const Structure& structure) {
   std::uint64_t live = 0;
   structure.for_each([&](const Record&) { ++live; });
-  if (live + structure.room() >= capacity) return live;
+  return live;
+}
+
+/// What update_records does to a record: what f says, but one that cannot be stored as f left it (is_storable) goes.
+template <class F>
+auto keeping_storable(F& f, const Bounds& bounds) noexcept {
+  return [&f, &bounds](Record& r) {
+    const UpdateResult asked = f(r);
+    return is_storable(r, bounds) ? asked : UpdateResult::drop;
+  };
+}
+
+/// Records that fit beside `live` ones where `fit` do from empty, if each takes the most that one does on average. What
+/// is there may be just short of needing more, as lists before their next segment, so the next records may take what
+/// these have spared: all count.
+constexpr std::uint64_t room_beside(std::uint64_t live, std::uint64_t fit) noexcept {
+  return fit > live ? fit - live : 0;
+}
+
+/// Keeps a structure's promise of room for `capacity` records after an update: if the nodes that dropped ones left
+/// behind take the room of those to come, builds the structure anew. `structure.room(live)`: records that still fit for
+/// certain beside `live`, whatever their places and whichever sessions insert them. `fresh_workspace` empties all
+/// workspaces on the structure and returns one of them. Quiescent.
+template <class Structure, class FreshWorkspace>
+void keep_room(Structure& structure, std::uint32_t capacity, FreshWorkspace&& fresh_workspace) {
+  const std::uint64_t live = count_of(structure);
+  if (live + structure.room(live) >= capacity) return;
   std::vector<Record> records;
   records.reserve(live);
   structure.for_each([&](const Record& r) { records.push_back(r); });
@@ -285,7 +317,6 @@ std::uint64_t keep_room(Structure& structure, std::uint32_t capacity, FreshWorks
   NoCounters uncounted;
   for (const Record& r : records)
     structure.insert(workspace, r, uncounted);  // an empty pool has room for all
-  return live;
 }
 
 /// Concatenates names at compile time: `kJoined<kPrefix, kSuffix>` is a string_view of both.

@@ -4,7 +4,7 @@
 // A slot's place is fixed by one fetch_add on the list's count; nothing is retried. Slots lie in segments that are
 // installed when first needed: six chunks of 4, 8, ... 128 slots, then directories of height 1, 2 and 3 over blocks of
 // 256 slots. So a list of one record is small, a list of 10^8 is reached in twelve steps, and who loses the race to
-// install a segment sets aside 12 KiB at most, whatever the length of the list.
+// install a segment sets aside 13 KiB at most, whatever the length of the list.
 //
 // Publication pairs
 //
@@ -118,10 +118,12 @@ class SlotPool {
     return 1 + links_of(extent) + std::uint64_t{extent} * kShowsSteps;
   }
 
-  /// Units that a record takes at worst: a first chunk of its own. Longer lists take less for each.
-  static constexpr std::uint32_t kWorstUnits = units_of(0);
+  /// Units that a record takes at worst, on average: a first chunk of its own, and one for the ends of pieces, which are
+  /// too short for a chunk. Longer lists take less for each, though a segment that does not fit may leave as much of a
+  /// piece behind as it takes itself.
+  static constexpr std::uint32_t kWorstUnits = units_of(0) + 1;
 
-  /// Units that a session may hold without a record in them: the rest of two pieces, and a spare of each kind.
+  /// Units that a session may hold without a record in them: the rest of its last two pieces, and a spare of each kind.
   static constexpr std::uint32_t kIdleUnits = 2 * kPiece + kSpareUnits;
 
   /// A list; all-zero bytes are an empty one.

@@ -125,7 +125,7 @@ class TbbHashGrid {
     levels_.store(0, std::memory_order_relaxed);  // relaxed: quiescent
   }
 
-  std::uint32_t room() const noexcept { return UINT32_MAX; }
+  std::uint64_t room(std::uint64_t /*live*/) const noexcept { return UINT32_MAX; }
   /// The containers cannot be asked for memory from several threads at once.
   void prefault(Workspace&, std::uint32_t) noexcept {}
 

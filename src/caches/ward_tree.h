@@ -197,14 +197,13 @@ class WardTree {
     nodes_.take(1);
   }
 
-  /// Records that still fit for certain, whatever their places and whichever sessions insert them. Quiescent.
-  std::uint32_t room() const noexcept {
+  /// As keep_room asks (caches/session.h). Quiescent.
+  std::uint64_t room(std::uint64_t live) const noexcept {
     const auto records = [](std::uint64_t left, std::uint64_t idle, std::uint64_t worst) {
       return left > idle ? (left - idle) / worst : 0;
     };
-    const std::uint64_t fit = std::min(records(nodes_.left(), idle_nodes_, kMaxLevel),
-                                       records(slots_.units_left(), idle_units_, Slots::kWorstUnits));
-    return static_cast<std::uint32_t>(std::min<std::uint64_t>(fit, UINT32_MAX));
+    return room_beside(live, std::min(records(nodes_.left(), idle_nodes_, kMaxLevel),
+                                      records(slots_.units_left(), idle_units_, Slots::kWorstUnits)));
   }
 
   /// Takes and touches memory for about n inserts of one session, ahead.

@@ -2,9 +2,9 @@
 //
 // An Arena reserves its whole capacity as address space; pages become memory when first touched, on the memory node of
 // the thread that does. A Cursor is one session's view: it takes pieces of the arena by one fetch_add and allocates
-// from its piece without sharing anything. A piece is smaller than a page, so the node is the session's own only where
-// it takes many pieces at a time (prefault); else neighbours share pages, on large ones some hundred pieces of all
-// sessions.
+// from its piece without sharing anything. A piece is a page or a few, and begins anywhere on one, so the node is the
+// session's own only where it takes many pieces at a time (prefault); else neighbours share pages, on large ones some
+// hundred pieces of all sessions.
 //
 // Progress: take is wait-free, one load and one fetch_add; allocate is two of these at most. No lock, no malloc.
 #pragma once

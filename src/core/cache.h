@@ -87,8 +87,9 @@ struct CacheConfig {
   float a_max =
       0.5f;        ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
   float a = 0.5f;  ///< accuracy of queries, kMinAccuracy <= a <= a_max; smaller is finer
-  std::uint32_t capacity = 1 << 20;  ///< records that fit for certain
-  std::uint32_t max_sessions = 1;    ///< threads that will open a session
+  std::uint32_t capacity =
+      1 << 20;                     ///< records that fit for certain, by one session; by several: capacity_for
+  std::uint32_t max_sessions = 1;  ///< threads that will open a session
   LargePages large_pages =
       LargePages::when_large;  ///< of the packed octree; large is a capacity over 65,536 records
 };
@@ -186,8 +187,9 @@ concept IrradianceCache = requires(C c, const C& view, const CacheConfig& config
   {c.end_frame()};
   // Forgets every record.
   {c.clear()};
-  // f(Record&) -> UpdateResult for every copy of every record, in parallel (f must stand that). Position,
-  // normal and id stay, the radius may not grow. Invalidates references to records.
+  // f(Record&) -> UpdateResult for every copy of every record, in parallel (f must stand that). Position, normal and id
+  // stay, the radius may not grow; what cannot be stored as f left it (is_storable) is dropped. Invalidates references
+  // to records. If f throws, some records are updated and some are not, and each is there once or gone.
   {c.update_records([](Record&) noexcept { return UpdateResult::keep; })};
   // f(const Record&) for every record once, one after the other.
   {view.for_each_record([](const Record&) {})};

@@ -13,8 +13,9 @@
 //   n.n_i > 1          happens by rounding for a quarter of unit normals; clamped before the root.
 //
 //   coplanar records   (p - p_i).(n + n_i)/2 is 0 up to rounding; the in-front test tolerates kInFrontTolerance R_i.
-//                      Rounding of p - p_i is at most 2e-7 of the largest coordinate, so no coplanar record is lost
-//                      while R_i >= 2e-5 of that coordinate; RadiusLimits keeps it so.
+//                      Rounding of p - p_i is at most 2.1e-7 of the largest coordinate (half an ulp of each point, on three
+//                      axes), so no coplanar record is lost while R_i >= 2.1e-5 of that coordinate; RadiusLimits
+//                      keeps it so.
 //
 //   huge and tiny E    w is at most 1/kMinError = 10^3 and E at most kMaxIrradiance = 1e30, so that w E is at most 1e33
 //                      and every sum of so many as memory can hold is finite in double precision.
@@ -46,10 +47,10 @@ inline constexpr float kInFrontTolerance = 0.01f;
 
 /// Smallest radius, as a share of the scene's largest coordinate, at which the in-front test is safe from
 /// rounding.
-inline constexpr float kMinRadiusShare = 2e-5f;
+inline constexpr float kMinRadiusShare = 2.1e-5f;
 
 /// The split-sphere error term eps = |p - p_i| / R_i + sqrt(1 - n.n_i), >= 0; the weight is 1 / max(eps,
-/// kMinError). Dimensionless. Finite for storable records and askable points up to |p - p_i| / R_i = 1e19.
+/// kMinError). Dimensionless. Infinite, so that the record is not valid, where |p - p_i| is 1.8e19 m or more.
 inline float split_sphere_error(const SurfacePoint& x, const Record& r) noexcept {
   const glm::vec3 d = x.p - r.p;
   const float bend = 1.0f - std::min(glm::dot(x.n, r.n), 1.0f);

@@ -33,7 +33,7 @@ class Slots {
 
   static std::size_t bytes(const Workspace&) noexcept { return 0; }
   void prefault(Workspace&, std::uint32_t) noexcept {}
-  std::uint32_t room() const noexcept { return capacity_ - taken(); }
+  std::uint64_t room(std::uint64_t /*live*/) const noexcept { return capacity_ - taken(); }
 
   /// Quiescent: all slots that are ready; f may drop records.
   template <class F>
@@ -347,7 +347,9 @@ class UnsharedList {
       f(static_cast<const Record&>(records_[i]));
   }
   void clear() { count_.store(0, std::memory_order_relaxed); }
-  std::uint32_t room() const noexcept { return capacity_ - count_.load(std::memory_order_relaxed); }
+  std::uint64_t room(std::uint64_t /*live*/) const noexcept {
+    return capacity_ - count_.load(std::memory_order_relaxed);
+  }
   void prefault(Workspace&, std::uint32_t) noexcept {}
   void touch(std::uint32_t, std::uint32_t) noexcept {}
   static std::size_t bytes(const Workspace&) noexcept { return 0; }
