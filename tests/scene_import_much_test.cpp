@@ -114,7 +114,7 @@ TEST(ImportMuch, LampsWhoseLightWouldOverflowAreNamed) {
   EXPECT_TRUE(is_one_line_with(lit({{"type", "point"}, {"intensity", 1e20}, {"color", {1, 1, 1e6}}}),
                                "lights[0] has an intensity of 1e+26"));
   EXPECT_TRUE(
-      is_one_line_with(lit({{"type", "point"}, {"intensity", 1e19}}), "too many for a scene of this size"));
+      is_one_line_with(lit({{"type", "point"}, {"intensity", 1e19}}), "too many so close to the scene"));
   EXPECT_EQ(lit({{"type", "point"}, {"intensity", 1e15}}), "");
 }
 

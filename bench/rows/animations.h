@@ -31,7 +31,7 @@ struct Animation {
 
 inline constexpr std::array kAnimations{
     Animation{{"cornell_box", 16384}, 25.0, 3.0}, Animation{{"wobble", 8192}, 12.33, 3.0},
-    Animation{{"desk", 8192}, 25.0, 3.0},         Animation{{"bunnies_1", 8192}, 18.67, 4.0},
+    Animation{{"desk", 8192}, 25.0, 3.0},         Animation{{"bunnies_1", 16384}, 18.67, 4.0},
     Animation{{"bunnies_2", 16384}, 13.75, 3.25}, Animation{{"bunnies_4", 16384}, 11.0, 2.6},
     Animation{{"bunnies_9", 16384}, 6.33, 1.33},  Animation{{"conference", 16384}, 25.0, 3.4},
     Animation{{"sibenik", 8192}, 25.0, 8.4},

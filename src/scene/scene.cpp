@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <stdexcept>
 #include <type_traits>
 
@@ -99,16 +101,19 @@ void check_point_light(const Scene& scene, std::size_t i) {
     fail(scene, fmt::format("point light {} needs -1 <= cos_outer <= cos_inner <= 1", i));
 }
 
-// Whether what point lights give to a surface as close to them as counts can be added and reflected in floats.
-void check_brightness(const Scene& scene, double epsilon) {
-  for (std::size_t i = 0; i < scene.point_lights.size(); ++i) {
-    const glm::vec3& I = scene.point_lights[i].intensity;
-    const double brightest = std::max({I.x, I.y, I.z});
-    const double most = kMostIrradiance * epsilon * epsilon / static_cast<double>(scene.point_lights.size());
+// Whether what `lights` give to surfaces within `bounds`, an epsilon away at least, can be added and reflected in floats.
+void check_brightness(const Scene& scene, std::span<const PointLight> lights, const Bounds& bounds,
+                      double epsilon) {
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const glm::dvec3 p(lights[i].p);
+    const glm::dvec3 nearest = glm::clamp(p, glm::dvec3(bounds.lower), glm::dvec3(bounds.upper));
+    const double distance = std::max(glm::distance(p, nearest), epsilon);
+    const double most = kMostIrradiance * distance * distance / static_cast<double>(lights.size());
+    const double brightest = std::max({lights[i].intensity.x, lights[i].intensity.y, lights[i].intensity.z});
     if (brightest > most)
       fail(scene,
            fmt::format(
-               "point light {} has {:.3g} W/sr, too many for a scene of this size; give it at most {:.3g}", i,
+               "point light {} has {:.3g} W/sr, too many so close to the scene; give it at most {:.3g}", i,
                brightest, most));
   }
 }
@@ -261,19 +266,6 @@ void prepare(Scene& scene) {
   for_each_frame(scene, static_cast<bool>(scene.camera_path), [&](float frame) {
     check_camera(scene, scene.camera_path ? scene.camera_path(frame) : scene.camera);
   });
-  if (scene.change_light) {
-    Scene changed;
-    changed.name = scene.name;
-    changed.materials = scene.materials;
-    changed.point_lights = scene.point_lights;
-    changed.textures = scene.textures;
-    for_each_frame(scene, true, [&](float frame) {
-      scene.change_light(frame, changed.materials, changed.point_lights);
-      for (std::size_t i = 0; i < changed.materials.size(); ++i) check_material(changed, i);
-      for (std::size_t i = 0; i < changed.point_lights.size(); ++i) check_point_light(changed, i);
-    });
-    scene.change_light(0.0f, scene.materials, scene.point_lights);
-  }
 
   for (Mesh& mesh : scene.meshes)
     if (mesh.deform) mesh.deform(0.0f, mesh.positions, mesh.normals);
@@ -290,7 +282,21 @@ void prepare(Scene& scene) {
   if (!(reach >= kMinReach && reach <= kMaxReach))
     fail(scene, fmt::format("reaches {} m from the origin; scale it to between {} and {} m", reach, kMinReach,
                             kMaxReach));
-  check_brightness(scene, scene_epsilon(reach));
+  check_brightness(scene, scene.point_lights, bounds, scene_epsilon(reach));
+  if (scene.change_light) {
+    Scene changed;
+    changed.name = scene.name;
+    changed.materials = scene.materials;
+    changed.point_lights = scene.point_lights;
+    changed.textures = scene.textures;
+    for_each_frame(scene, true, [&](float frame) {
+      scene.change_light(frame, changed.materials, changed.point_lights);
+      for (std::size_t i = 0; i < changed.materials.size(); ++i) check_material(changed, i);
+      for (std::size_t i = 0; i < changed.point_lights.size(); ++i) check_point_light(changed, i);
+      check_brightness(scene, changed.point_lights, bounds, scene_epsilon(reach));
+    });
+    scene.change_light(0.0f, scene.materials, scene.point_lights);
+  }
 
   std::size_t left = 0;
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
