@@ -21,6 +21,12 @@ inline ImportedScene import_text(const char* name, std::string_view text) {
   return import_scene(folder / name);
 }
 
+inline GltfFile grey_cube() {
+  GltfFile f;
+  f.node({{"name", "cube"}, {"mesh", f.cube(f.material({{"name", "grey"}}))}});
+  return f;
+}
+
 inline ImportedScene import_gltf(const GltfFile& file) { return import_text("scene.gltf", file.text()); }
 
 inline bool has_note(const ImportedScene& s, const std::string& part) {

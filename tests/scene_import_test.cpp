@@ -21,12 +21,6 @@ using nlohmann::json;
 
 constexpr double kPi = std::numbers::pi;
 
-GltfFile grey_cube() {
-  GltfFile f;
-  f.node({{"name", "cube"}, {"mesh", f.cube(f.material({{"name", "grey"}}))}});
-  return f;
-}
-
 TEST(ImportGltf, TextAndBinaryGiveTheSameScene) {
   const ImportedScene a = import_gltf(spinning_cube()), b = import_text("scene.glb", spinning_cube().glb());
   ASSERT_EQ(a.scene.meshes.size(), b.scene.meshes.size());

@@ -14,6 +14,7 @@
 
 #include "caches/visibility.h"
 #include "core/arena.h"
+#include "core/at_end.h"
 #include "core/cache.h"
 #include "core/parallel.h"
 
@@ -92,16 +93,12 @@ class PackedRecords {
   template <class F, class Forget>
   void update(F&& f, Forget&& forget) {
     std::mutex mutex;
-    struct AtEnd {
-      PackedRecords& records;
-      Forget& forget;
-      std::size_t freed_before = records.freed_.size();
-      ~AtEnd() {
-        if (records.freed_.size() == freed_before) return;
-        records.settle_freed(freed_before);
-        forget();
-      }
-    } at_end{*this, forget};
+    const std::size_t freed_before = freed_.size();
+    const AtEnd settle{[&] {
+      if (freed_.size() == freed_before) return;
+      settle_freed(freed_before);
+      forget();
+    }};
     parallel_chunks(table_.end() - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first + 1; i <= last; ++i) {
         Stored& s = at(static_cast<UnitIndex>(i));

@@ -23,6 +23,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/at_end.h"
 #include "core/cache.h"
 #include "core/setup_error.h"
 #include "core/sync.h"
@@ -267,15 +268,6 @@ inline const CacheConfig& checked(const CacheConfig& config) {
   if (const char* error = config_error(config)) fail_setup(error);
   return config;
 }
-
-/// Calls f when it goes out of scope, also where an exception is the reason.
-template <class F>
-struct AtEnd {
-  F f;
-  ~AtEnd() { f(); }
-};
-template <class F>
-AtEnd(F) -> AtEnd<F>;
 
 /// Records that are in a structure. Quiescent.
 template <class Structure>

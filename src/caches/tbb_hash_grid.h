@@ -35,6 +35,7 @@
 #include <bit>
 
 #include "caches/session.h"
+#include "core/at_end.h"
 #include "core/octree.h"
 #include "core/parallel.h"
 #include "core/random.h"
@@ -92,13 +93,10 @@ class TbbHashGrid {
   void update(F&& f) {
     std::vector<UpdateResult> verdicts(records_.size());
     // The cells' copies follow, also where f throws.
-    struct AtEnd {
-      TbbHashGrid& grid;
-      bool is_due = true;
-      ~AtEnd() {
-        if (is_due) grid.renew_copies();
-      }
-    } at_end{*this};
+    bool is_due = true;
+    const AtEnd renew{[&] {
+      if (is_due) renew_copies();
+    }};
     parallel_chunks(records_.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) verdicts[i] = f(records_[i].record);
     });
@@ -107,7 +105,7 @@ class TbbHashGrid {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
     if (kept.size() == verdicts.size()) return;
-    at_end.is_due = false;
+    is_due = false;
     clear();
     parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) insert(kept[i]);

@@ -113,7 +113,7 @@ void check_brightness(const Scene& scene, std::span<const PointLight> lights, co
     if (brightest > most)
       fail(scene,
            fmt::format(
-               "point light {} has {:.3g} W/sr, too many so close to the scene; give it at most {:.3g}", i,
+               "point light {} has {:.3g} W/sr, too bright so close to the scene; give it at most {:.3g}", i,
                brightest, most));
   }
 }
