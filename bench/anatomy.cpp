@@ -405,6 +405,7 @@ void count(const Options& o) {
 }  // namespace icbench
 
 int main(int argc, char** argv) {
+  icbench::survive_file_size_limits();
   icbench::Options o;
   CLI::App app{"Takes a query apart: what it costs in one structure after another, and what it reads",
                "anatomy"};

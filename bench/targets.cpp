@@ -14,7 +14,7 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "rows/rows.h"
 
 namespace icbench {
@@ -163,7 +163,7 @@ int run(const Options& o) {
     }).join();
     if (error) std::rethrow_exception(error);
     json.push_back(to_json(*row, m, o.samples));
-    if (!so_far.empty()) write_file(so_far, json.dump(2) + "\n");
+    if (!so_far.empty()) write_json(so_far, json);
     failed |= m.verdict == "fail";
     const std::string figures =
         m.ratios.size() < o.samples
@@ -174,7 +174,7 @@ int run(const Options& o) {
                m.verdict, m.why.empty() ? "" : ": " + m.why);
     std::fflush(stdout);
   }
-  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  if (!o.json.empty()) write_json(o.json, json);
   if (!so_far.empty()) std::filesystem::remove(so_far);
   return failed ? 1 : 0;
 }
@@ -183,6 +183,7 @@ int run(const Options& o) {
 }  // namespace icbench
 
 int main(int argc, char** argv) {
+  icbench::survive_file_size_limits();
   icbench::Options o;
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
   app.add_option("--json", o.json,

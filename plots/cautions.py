@@ -18,8 +18,15 @@ def _stated(context: dict, *keys):
     return next((context[key] for key in keys if context.get(key) is not None), None)
 
 
-def _of_machine(context: dict) -> list[Caution]:
-    """What the recorded environment gives reason to doubt."""
+def _load(context: dict) -> float:
+    """Of the machine when a run began: mean over a minute; 0 if that is not known."""
+    load = context.get("load_avg")
+    load = load[0] if isinstance(load, list) and load else load
+    return load if isinstance(load, (int, float)) else 0.0
+
+
+def _of_machine(context: dict, load: float) -> list[Caution]:
+    """What the recorded environment gives reason to doubt. `load`: the largest of all runs."""
     made = []
     virtual = _stated(context, "hypervisor", "virtual_machine", "virtualised")
     if virtual and str(virtual).lower() not in ("none", "no", "false", "unknown", "0"):
@@ -41,10 +48,8 @@ def _of_machine(context: dict) -> list[Caution]:
     if equal is False or str(equal).lower() == "no":
         made.append(Caution(False, "The processing units are not equally fast: scaling mixes fast and "
                                    "slow ones."))
-    load = context.get("load_avg")
-    load = load[0] if isinstance(load, list) and load else load
-    if isinstance(load, (int, float)) and load > 0.5:
-        made.append(Caution(False, "The machine was not idle when the run began (load "
+    if load > 0.5:
+        made.append(Caution(False, "The machine was not idle when a run began (load "
                                    f"{style.number(load, 2)})."))
     if context.get("dirty") is True:
         made.append(Caution(False, "The source tree had changes that are not in the recorded commit."))
@@ -59,7 +64,7 @@ def cautions(setup: Setup) -> list[Caution]:
                                   "never measured; go on with the same command and --resume."))
     elif setup.complete is None:
         made.append(Caution(False, "The results do not say whether the run was complete."))
-    made += _of_machine(setup.context)
+    made += _of_machine(setup.context, max(map(_load, setup.contexts), default=0.0))
     over = sorted(rows.loc[rows["oversubscribed"], "threads"].unique())
     if over:
         made.append(Caution(False, f"Oversubscribed: {', '.join(map(str, over))} threads are more than the "

@@ -144,7 +144,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
 
 
 def write(figure: Figure, setup, folder: Path) -> Written:
-    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`.
+    """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`. Raises
+    Omitted where there is no plate.
 
     Files that an earlier run left there under these names are removed first, also when the figure is Omitted.
     """
@@ -152,6 +153,8 @@ def write(figure: Figure, setup, folder: Path) -> Written:
         for stale in folder.glob(pattern.format(figure.name)):
             stale.unlink()
     built = figure.build(setup)
+    if not built.plates:
+        raise Omitted("nothing of it can be compared")
     folder.mkdir(parents=True, exist_ok=True)
     csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"
     built.table.to_csv(csv, index=False, float_format="%.10g")

@@ -61,6 +61,11 @@ def _html_cell(kind: str, cell: Cell) -> str:
     return f'<td class="{classes}">{text(cell.value)}{under}</td>'
 
 
+def markdown_text(words: str) -> str:
+    """Words that Markdown shows as they are, on one line: names come from files."""
+    return re.sub(r"[\\`*<|]", r"\\\g<0>", words).replace("\n", " ")
+
+
 def _markdown_cell(cell: Cell) -> str:
-    shown = f"**{cell.value}**" if cell.verdict == "bad" else cell.value
-    return (shown + (f" ({cell.under})" if cell.under else "")).replace("|", "\\|").replace("\n", " ")
+    value, under = markdown_text(cell.value), markdown_text(cell.under)
+    return (f"**{value}**" if cell.verdict == "bad" else value) + (f" ({under})" if under else "")

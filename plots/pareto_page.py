@@ -56,7 +56,7 @@ def choices(part: pd.DataFrame) -> str:
         cells = [f"<td class=\"key\">{text(style.short_duration(budget))}</td>", f"<td>{_named(best)}</td>",
                  f'<td class="n">{style.number(best["relmse"])}{"&nbsp;*" if best.get("below_reference") else ""}</td>',
                  f'<td class="n">{style.number(rival["relmse"]) if known else "–"}</td>',
-                 f'<td class="n">{style.number(rival["relmse"] / best["relmse"]) if known else "–"}</td>']
+                 f'<td class="n">{style.number(rival["relmse"] / best["relmse"]) if known and best["relmse"] > 0 else "–"}</td>']
         for error in others:
             least = best_within(part, budget, error)
             unit = " %" if error.startswith("hdrvdp") else ""

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
+from numbers import Number
 from pathlib import Path
 
 import style  # first: it checks what is installed
@@ -164,14 +165,53 @@ def _pictures(path: Path, context: dict) -> Pictures | None:
     return Pictures(folder, index)
 
 
-def pool(paths, read, name: str) -> list[Measured]:
+class Settings:
+    """What must be equal in the files of one machine and build for their rows to be runs of one thing.
+
+    `of`: entries of a context's configuration, or of itself, and columns of the rows; `by`: columns whose values have
+    settings of their own.
+    """
+
+    def __init__(self, of: tuple[str, ...] = (), by: tuple[str, ...] = ()):
+        self._of, self._by, self._known = of, by, {}
+
+    def require_equal(self, identity: tuple, path: Path, context: dict, rows: pd.DataFrame) -> None:
+        """Raises InputError if a file before had others."""
+        configuration = context.get("configuration")
+        stated = {**context, **(configuration if isinstance(configuration, dict) else {})}
+        mine = {}
+        by = [*self._by]
+        for what, part in rows.groupby(by if len(by) > 1 else by[0]) if by else [((), rows)]:
+            what = what if isinstance(what, tuple) else (what,)
+            for name in self._of:
+                values = sorted(part[name].dropna().unique()) if name in part else [stated.get(name)]
+                mine[identity, what, name] = " and ".join(f"{v:g}" if isinstance(v, Number) else str(v)
+                                                          for v in values if v is not None)
+        for key, value in mine.items():
+            earlier, before = self._known.get(key, (path, value))
+            if before != value:
+                _, what, name = key
+                of = f" of {' by '.join(map(str, what))}" if what else ""
+                raise InputError(f"{path}: {name}{of} is {value or 'not told'} here and {before or 'not told'} in "
+                                 f"{earlier.name}; "
+                                 "draw files of one setting at a time")
+        for key, value in mine.items():
+            self._known.setdefault(key, (path, value))
+
+
+def _identity(context: dict) -> tuple:
+    return tuple(json.dumps(context.get(k), sort_keys=True) for k in kIdentityKeys)
+
+
+def pool(paths, read, name: str, settings: Settings) -> list[Measured]:
     """What files hold, one Measured for each machine and build, with slugs of `name`. `read` makes context and rows of
-    a file; rows that several files share count once.
+    a file; rows that several files share count once. Raises InputError where `settings` differ.
     """
     groups: dict[tuple, Measured] = {}
     for path in dict.fromkeys(Path(p).resolve() for p in paths):
         context, rows = read(path)
-        key = tuple(json.dumps(context.get(k), sort_keys=True) for k in kIdentityKeys)
+        key = _identity(context)
+        settings.require_equal(key, path, context, rows)
         number = len(groups) + 1
         label = str(context.get("host_name") or context.get("cpu_model") or "unknown machine")
         one = groups.setdefault(key, Measured(label, name if number == 1 else f"{name}-{number}"))
@@ -179,26 +219,32 @@ def pool(paths, read, name: str) -> list[Measured]:
         one.paths.append(path)
         one.rows = pd.concat([one.rows, rows], ignore_index=True)
     for one in groups.values():
-        again = one.rows.duplicated(["name", "repetition_index", "real_time", "seed"] if {"real_time", "seed"}
-                                    <= set(one.rows) else ["name", "repetition_index"])
-        one.rows = one.rows[~again].reset_index(drop=True)
+        told = [n for n in ("name", "repetition_index", "real_time", "seed") if n in one.rows]
+        one.rows = one.rows[~one.rows.duplicated(told)].reset_index(drop=True)
     return list(groups.values())
 
 
+def _settings() -> Settings:
+    return Settings(("width", "height", "threads", "reference_spp", "cache", "frame", "scene_key"), ("scene",))
+
+
 def load(paths) -> list[Measured]:
-    """Raises InputError for a file that is none of icbench pareto."""
-    found = pool(paths, _read, "pareto")
+    """Raises InputError for a file that is none of icbench pareto, and for files whose settings differ."""
+    found = pool(paths, _read, "pareto", _settings())
     for one in found:
         one.pictures = [p for p in map(_pictures, one.paths, one.contexts) if p]
     return found
 
 
 def load_what_can_be(paths) -> tuple[list[Measured], list[str]]:
-    """The same, but files that cannot be read cost no others: they are left out, and why is told."""
-    good, left_out = [], []
-    for path in paths:
+    """The same, but files that cannot be read, or not beside those before, cost no others: they are left out, and why
+    is told.
+    """
+    good, left_out, settings = [], [], _settings()
+    for path in dict.fromkeys(Path(p).resolve() for p in paths):
         try:
-            _read(path)
+            context, rows = _read(path)
+            settings.require_equal(_identity(context), path, context, rows)
             good.append(path)
         except InputError as error:
             left_out.append(str(error))

@@ -9,7 +9,7 @@ import style  # first: it checks what is installed
 import pandas as pd
 
 import percentiles
-from pareto_results import Measured, pool, read_rows
+from pareto_results import Measured, Settings, pool, read_rows
 from results import InputError, workload_label
 
 kFiles = "results of icbench preempt"
@@ -29,8 +29,8 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
 
 
 def load(paths) -> list[Measured]:
-    """Raises InputError for a file that is none of icbench preempt."""
-    return pool(paths, _read, "preempt")
+    """Raises InputError for a file that is none of icbench preempt, and for files whose settings differ."""
+    return pool(paths, _read, "preempt", Settings(("pause_ms", "placement"), ("workload", "hold_ms")))
 
 
 def latencies(measured: Measured) -> pd.DataFrame:

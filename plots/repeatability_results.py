@@ -8,7 +8,7 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
-from pareto_results import Measured, pool, read_rows
+from pareto_results import Measured, Settings, pool, read_rows
 from results import InputError, summarise
 
 kFiles = "results of icbench repeatability"
@@ -41,15 +41,8 @@ def _read(path: Path) -> tuple[dict, pd.DataFrame]:
 
 def load(paths) -> list[Measured]:
     """Raises InputError for a file that is none of icbench repeatability, and for files whose settings differ."""
-    found = pool(paths, _read, "repeatability")
-    for one in found:
-        for setting in [n for n in kSettings if n in one.rows]:
-            for (scene, integrator), values in one.rows.groupby(["scene", "integrator"])[setting].unique().items():
-                if len(values) > 1:
-                    raise InputError(f"{one.paths[-1]}: {setting} of {scene} by {integrator} is "
-                                     f"{' and '.join(f'{v:g}' for v in sorted(values))} in these files; draw those of "
-                                     "one setting at a time")
-    return found
+    return pool(paths, _read, "repeatability", Settings((*kSettings, "frame", "placement", "tiles", "scene_key"),
+                                                        ("scene", "integrator")))
 
 
 def points(measured: Measured) -> pd.DataFrame:

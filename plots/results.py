@@ -33,6 +33,8 @@ kIdentityKeys = (
     "governor", "boost", "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty",
     "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
 # Differences in these need no remark when files are pooled.
+# Entries of a configuration that must agree for files of one setup to be pooled: what rows are measured with.
+kMeasuringKeys = ("reference_spp", "latency_every", "breakdown")
 kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
              "configuration", "configuration_hash", "resumed", "merged"}
 
@@ -323,6 +325,21 @@ def _of_one_machine(simulated: pd.DataFrame, remarks: list[str]) -> pd.DataFrame
     return simulated[taken]
 
 
+def _require_same_measuring(setup: Setup, path: Path, context: dict) -> None:
+    """Raises InputError if a sweep was measured in another way than one before."""
+    def of(one: dict) -> dict | None:
+        said = one.get("configuration")
+        return said if isinstance(said, dict) and said.get("command") == "sweep" else None
+
+    mine = of(context)
+    for earlier, other in zip(setup.paths, setup.contexts):
+        theirs = of(other)
+        for key in kMeasuringKeys if mine and theirs else ():
+            if mine.get(key) != theirs.get(key):
+                raise InputError(f"{path}: {key} is {mine.get(key, False)} here and {theirs.get(key, False)} in "
+                                 f"{earlier.name}; draw files of one setting at a time")
+
+
 def load(paths) -> list[Setup]:
     """Reads results files and sorts them into setups (one machine, one build each).
 
@@ -341,6 +358,7 @@ def load(paths) -> list[Setup]:
             groups[key] = Setup("", "", context, [], [], pd.DataFrame())
             frames[key] = []
         setup = groups[key]
+        _require_same_measuring(setup, path, context)
         setup.contexts.append(context)
         setup.paths.append(path)
         frames[key].append(_tidy(entries, context, run, setup.remarks, path))

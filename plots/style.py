@@ -145,7 +145,8 @@ def settings(layout: Layout) -> dict:
     """matplotlib settings of a page format; TrueType fonts in PDF, outlines in SVG."""
     size = layout.font
     return {
-        "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "icbench", "font.family": _font(),
+        "pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "icbench", "font.family": [_font(), "DejaVu Sans"],
+        "text.parse_math": False,  # names of files may hold any sign
         "font.size": size, "axes.titlesize": size, "axes.labelsize": size, "xtick.labelsize": size * 0.92,
         "ytick.labelsize": size * 0.92, "legend.fontsize": size * 0.96, "figure.titlesize": size * 1.08,
         "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.6,
@@ -153,8 +154,7 @@ def settings(layout: Layout) -> dict:
         "axes.titlelocation": "left", "axes.titlepad": 4, "axes.grid": True, "axes.axisbelow": True,
         "grid.color": "#e3e3e3", "grid.linewidth": 0.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
         "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.color": "#333333", "ytick.color": "#333333",
-        "xtick.major.pad": 2, "ytick.major.pad": 2, "legend.frameon": False, "mathtext.default": "regular",
-        "errorbar.capsize": 0, "lines.dash_capstyle": "butt", "hatch.linewidth": 0.4,
+        "xtick.major.pad": 2, "ytick.major.pad": 2, "legend.frameon": False, "errorbar.capsize": 0, "lines.dash_capstyle": "butt", "hatch.linewidth": 0.4,
     }
 
 
@@ -242,7 +242,8 @@ def number_tick(value: float) -> str:
     if value and not 1.5e-4 < abs(value) < 1e5:
         exponent = math.floor(math.log10(abs(value)) + 1e-9)
         factor = value / 10.0**exponent
-        return f"$10^{{{exponent}}}$" if abs(factor - 1) < 1e-6 else rf"${factor:g}\cdot10^{{{exponent}}}$"
+        power = "10" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        return power if abs(factor - 1) < 1e-6 else f"{factor:g}·{power}"
     return f"{value:g}"
 
 

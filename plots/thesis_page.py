@@ -15,7 +15,7 @@ from PIL import Image
 import thesis_tables
 from figure import Omitted, OneLineParser, Written, write
 from figures import THESIS_FIGURES
-from grid import Grid
+from grid import Grid, markdown_text
 from inline import data_uri, drawing, image
 from results import InputError
 from tables import note_line, text
@@ -268,7 +268,7 @@ def _markdown(measured: Measured) -> str:
     ]
     warnings = _warnings(measured)
     if warnings:
-        parts.append("\n".join(f"- {line}" for _, line in warnings) + "\n")
+        parts.append("\n".join(f"- {markdown_text(line)}" for _, line in warnings) + "\n")
     for title, mine in grids(measured):
         parts.append(f"## {title}\n\n" + "\n".join(g.markdown() for g in mine))
     return "\n".join(parts)

@@ -10,7 +10,7 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "harness/progress.h"
 #include "stress/report.h"
 
@@ -86,7 +86,10 @@ class Run {
     options.caches = caches_;
     Progress progress("schedules", static_cast<double>(explore::exploration_count(options)));
     const auto advance = [&](const std::string& what) { progress.advance(1.0, what); };
-    for (const auto& exploration : explore::explore_all(options, advance)) report_.add(exploration);
+    for (const auto& exploration : explore::explore_all(options, advance)) {
+      report_.add(exploration);
+      cut_short_ += !exploration.coverage.complete;
+    }
     for (const auto& control : explore::explore_controls(options, advance)) report_.add(control);
     report_.exempt(explore::exempt_caches(options));
     progress.finish();
@@ -115,6 +118,11 @@ class Run {
         "in "
         "explored schedules alone.");
     if (options_.extent == explore::Extent::off) report_.not_examined("Schedules: they were switched off.");
+    if (options_.preemptions)
+      report_.not_examined(fmt::format("Schedules of more than {} preemptions.", *options_.preemptions));
+    if (cut_short_ > 0)
+      report_.not_examined(fmt::format(
+          "Schedules of {} scenarios that have more than were looked at (complete: false).", cut_short_));
     if (options_.extent == explore::Extent::brief)
       report_.not_examined("Schedules of the long form (icstress --explore long).");
     report_.not_examined(
@@ -134,6 +142,7 @@ class Run {
   const Options& options_;
   std::vector<std::string> caches_;
   std::vector<std::string> checks_;
+  std::size_t cut_short_ = 0;  // scenarios
   Report report_;
 };
 
@@ -208,7 +217,11 @@ int run_program(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
-    if (replay->count() > 0) return print_replay(options.replay);
+    if (replay->count() > 0) {
+      for (const char* option : {"--caches", "--check", "--json"})
+        if (app.count(option) > 0) tell_without_effect("icstress", option, "with --replay");
+      return print_replay(options.replay);
+    }
     if (json->count() > 0) require_writable("--json", options.json);
     Run run(options);  // refuses names that nobody knows, before anything else is said
     if (options.preemptions && options.extent == explore::Extent::off)
@@ -220,7 +233,7 @@ int run_program(int argc, char** argv) {
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     const Report& report = run.run();
     const bool passed = report.print();
-    if (json->count() > 0) write_file(options.json, report.to_json().dump(2) + "\n");
+    if (json->count() > 0) write_json(options.json, report.to_json());
     return finish(passed);
   } catch (const CLI::Success& e) {
     return app.exit(e);
@@ -234,4 +247,7 @@ int run_program(int argc, char** argv) {
 }  // namespace
 }  // namespace icbench::stress
 
-int main(int argc, char** argv) { return icbench::stress::run_program(argc, argv); }
+int main(int argc, char** argv) {
+  icbench::survive_file_size_limits();
+  return icbench::stress::run_program(argc, argv);
+}

@@ -34,8 +34,14 @@ Landscape::Landscape(const Shape& shape, std::uint64_t seed, float a)
     : radii_(shape.radii.begin(), shape.radii.end()),
       validity_(shape.places, static_cast<std::uint32_t>(shape.radii.size())) {
   Pcg32 random(hash_keys(seed, 3));
+  // Half of those with few places have them close together, around where cells of all levels meet: a record is then
+  // valid at several places, in different cells.
+  constexpr std::uint32_t kFewPlaces = 10;
+  const bool is_close = shape.places < kFewPlaces && hash_keys(seed, 6) % 2 == 0;
   for (std::uint32_t i = 0; i < shape.places; ++i) {
-    const auto coordinate = [&] { return 0.05f + 0.9f * random.uniform(); };
+    const auto coordinate = [&] {
+      return is_close ? 0.4f + 0.2f * random.uniform() : 0.05f + 0.9f * random.uniform();
+    };
     places_.push_back({{coordinate(), coordinate(), coordinate()}, {0.0f, 0.0f, 1.0f}});
   }
   for (std::uint32_t kind = 0; kind < validity_.kinds(); ++kind) {

@@ -3,28 +3,16 @@
 
 #include <csignal>
 #include <fstream>
-#include <iterator>
 #include <thread>
 
 #include "cache_contract.h"
 #include "caches/cache_file.h"
+#include "file_bytes.h"
 #include "largest_request.h"
 #include "temporary_folder.h"
 
 namespace icbench {
 namespace {
-
-using Bytes = std::vector<unsigned char>;
-
-Bytes bytes_of(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void put(const std::filesystem::path& path, const Bytes& bytes) {
-  std::ofstream out(path, std::ios::binary | std::ios::trunc);
-  out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-}
 
 /// What is said of a file; empty if it is taken.
 std::string refusal(const std::filesystem::path& path) {

@@ -78,13 +78,17 @@ class Animate(Case):
         self.succeed(*small_render(frame=0, spp=1, integrator="path", out="f.exr"))
         self.assertEqual((self.folder / "f.exr").read_bytes(), (self.folder / "a/frame_0000.exr").read_bytes())
 
-    def test_a_killed_run_leaves_whole_frames_only(self):
+    def test_a_killed_run_leaves_whole_frames_only_and_none_of_an_earlier_one(self):
+        (self.folder / "a").mkdir()
+        for name in "frame_0000.png", "frame_99999.png", "preview.webp":
+            (self.folder / "a" / name).write_text(PRECIOUS)
         with subprocess.Popen([ICBENCH, *small_animation(frames=100000, size="64x64", out="a")], cwd=self.folder,
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
             until = time.monotonic() + PATIENCE
             while not (self.folder / "a/frame_0002.png").exists() and time.monotonic() < until:
                 time.sleep(0.01)
             run.send_signal(signal.SIGKILL)
+        self.assertFalse((self.folder / "a/preview.webp").exists())
         frames = sorted((self.folder / "a").glob("frame_*"))
         self.assertGreaterEqual(len(frames), 3)
         for frame in frames:

@@ -183,9 +183,36 @@ class BadInput(Case):
                                 (small_sweep(out="b.json", timeline="../" + self.folder.name + "/b.json"), "--out too"),
                                 (["simulate", *replay, "--calibration", "c.json", "--out", "c.json"], "--out too"),
                                 (["compare", "a.exr", "a.exr", "--json", "a.exr"], "overwrite what is read, A"),
-                                (["animate", "--scene", "a.gltf", "--json", "a.gltf"], "overwrite what is read")):
+                                (["animate", "--scene", "a.gltf", "--json", "a.gltf"], "overwrite what is read"),
+                                (["compare", "a.exr", "a.exr", "--map", ".", "--json", "rmse.exr"], "--json too"),
+                                (["pareto", "--scene", "a.gltf", "--out", "a.gltf"], "overwrite what is read"),
+                                (["pareto", "--out", "images.json", "--images", "."], "--out too"),
+                                (["repeatability", "--scene", "a.gltf", "--out", "a.gltf"], "overwrite what is read")):
             with self.subTest(arguments):
                 self.refuse(*arguments, says=[said])
+
+    def test_figures_or_maps_among_frames(self):
+        frames = ["animate", "--scene", SCENE, "--size", "8x8", "--rays", "1", "--frames", "1"]
+        self.refuse(*frames, "--out", ".", "--json", "frame_0000.png", says=["a file of --out too"])
+        self.refuse(*frames, "--out", ".", "--json", "preview.webp", says=["a file of --out too"])
+        for folder in "errors/rmse", "other":
+            self.succeed(*frames, "--format", "exr", "--out", folder)
+        for arguments in (["--map", "errors"], ["--json", "other/frame_0000.exr"]):
+            self.refuse("compare", "errors/rmse", "other", "--metrics", "rmse", *arguments, says=["name another"])
+
+    def test_names_that_are_empty(self):
+        for arguments in (small_render(json=""), small_render(residual=1, **{"residual-out": ""}),
+                          [*small_render(), "--save-cache", ""], [*small_render(), "--load-cache", ""],
+                          ["compare", "a.exr", "a.exr", "--map", ""]):
+            self.refuse(*arguments, says=["needs a name"])
+
+    def test_names_that_are_no_text(self):
+        name = os.fsdecode(b"\xff.exr")
+        for arguments in small_render(out=name, json="a.json"), ["compare", name, name, "--json", "b.json"]:
+            done = self.run_icbench(*arguments, errors="replace")
+            self.assertEqual(done.returncode, 0, done.stderr)
+        for file in "a.json", "b.json":
+            self.assertIn("\ufffd.exr", (self.folder / file).read_text(encoding="utf-8"))
 
     def test_frames_of_another_animation(self):
         short = ["animate", "--scene", SCENE, "--size", "8x8", "--rays", "1", "--every", "50", "--out", "frames"]

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """icbench render and icbench compare, end to end."""
 
+import json
 import os
 import statistics
 import unittest
@@ -150,9 +151,10 @@ class Render(Case):
         for integrator, given, said in (
                 ("whitted", ["--vpls", "3"], "--vpls has"),
                 ("path", ["--cache", "wait_free", "--accuracy", "0.2", "--interpolation", "gradients",
-                          "--deterministic", "--overture", "--rays", "4", "--leak-guard", "--cell-size", "4"],
-                 "--cache, --accuracy, --interpolation, --deterministic, --overture, --rays, --leak-guard, --cell-size "
-                 "have"),
+                          "--deterministic", "--overture", "--rays", "4", "--leak-guard", "--cell-size", "4",
+                          "--light-samples", "2"],
+                 "--cache, --accuracy, --interpolation, --deterministic, --overture, --rays, --leak-guard, "
+                 "--cell-size, --light-samples have"),
                 ("instant_gi", ["--vpls", "4", "--rays", "4"], "--rays has"),
                 ("instant_caching", ["--vpls", "4", "--paths", "2", "--accuracy", "0.2"], "--paths has"),
                 ("irradiance_cache", ["--rays", "4", "--leak-guard", "--vpls", "4"], "--vpls has"),
@@ -163,6 +165,25 @@ class Render(Case):
                 self.assertEqual(done.returncode, 0)
                 self.assertEqual([line for line in done.stderr.splitlines() if "effect" in line],
                                  [f"icbench: {said} no effect on {integrator}"] if said else [])
+
+    def test_exposure_has_no_effect_on_exr(self):
+        self.succeed_but_for(["--exposure has no effect on EXR pictures"], *small_render(out="a.exr", exposure=2))
+        self.succeed(*small_render(out="a.png", exposure=2))
+
+    def test_nothing_is_known_where_nothing_was_drawn(self):
+        said = self.succeed(*small_render(json="a.json", residual=1e-6))
+        self.assertIn("not known, no pixel was drawn", said)
+        cost = self.load("a.json")
+        self.assertEqual(cost["residual_samples"], 0)
+        for field in "mean", "standard_error", "mean_share", "standard_error_share", "mean_square":
+            self.assertIsNone(cost["residual_" + field])
+        self.assertEqual(set(cost["residual_mean_rgb"]), {None})
+        # A few are: the blocks without any stay unknown.
+        self.succeed(*small_render(json="a.json", residual=0.02, size="32x32"))
+        blocks = self.load("a.json")["residual_blocks"]
+        self.assertEqual({0 if mean is None else 1 for mean in blocks["mean"]}, {0, 1})
+        self.assertEqual([samples > 0 for samples in blocks["samples"]],
+                         [mean is not None for mean in blocks["mean"]])
 
     def test_leaks_are_guarded_against_but_for_plain_records_unless_told_otherwise(self):
         for integrator, level, given, guarded in (
@@ -215,6 +236,13 @@ class Compare(Case):
                                   for metric, options in observed.items() if metric not in metrics
                                   for option in options], "compare", "a.exr", "a.exr", "--metrics", metrics, *given)
         self.refuse("compare", "a.exr", "none.exr", "--metrics", "rmse", "--distance", "1", says=["none.exr"])
+        self.succeed_but_for(["--map has no effect on metrics without maps"], "compare", "a.exr", "a.exr", "--metrics",
+                             "mean_ratio", "--map", "maps")
+
+    def test_figures_alone_go_to_standard_output_if_it_is_their_file(self):
+        self.succeed(*small_render(out="a.exr"))
+        figures = json.loads(self.succeed("compare", "a.exr", "a.exr", "--json", "/dev/stdout"))
+        self.assertEqual(figures["rmse"], 0)
 
     def test_folders_are_compared_frame_by_frame(self):
         for folder, seeds in ("a", (1, 1)), ("b", (1, 2)):

@@ -73,6 +73,21 @@ class SweepFiles(Case):
             self.refuse(*small_sweep(out="r.json", **{option: value}), "--resume",
                         says=["cannot resume", f"{option} is"])
 
+    def test_resume_refuses_a_scene_that_changed_under_its_name(self):
+        def scene(height):
+            (self.folder / "room.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 0 {height} 0\nf 1 2 3\n")
+
+        for make in small_pareto, small_repeatability:
+            scene(1)
+            arguments = make(scene="room.obj", out="r.json")
+            self.succeed(*arguments)
+            self.succeed(*arguments, "--resume")
+            scene(2)
+            done = self.run_icbench(*arguments, "--resume")
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("cannot resume", done.stderr)
+            self.assertIn("scene_key is", done.stderr)
+
     def test_resume_refuses_damaged_and_foreign_files(self):
         self.succeed(*small_sweep(out="r.json"))
         whole = (self.folder / "r.json").read_text()

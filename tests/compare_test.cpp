@@ -133,13 +133,41 @@ TEST_F(Compare, FoldersFrameByFrame) {
   EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%B"}); }), "3 and 2 frames"));
 }
 
+TEST_F(Compare, FoldersMustHoldFramesOfTheSameNumbers) {
+  for (const char* name : {"A/frame_0000.exr", "A/frame_0050.exr", "B/frame_0.exr", "B/frame_1.exr"}) {
+    std::filesystem::create_directories((folder / name).parent_path());
+    write_image(folder / name, make_image(8, 4));
+  }
+  EXPECT_TRUE(is_one_line_with(error_of([&] { run({"%A", "%B"}); }), "A/frame_0050.exr' and "));
+  std::filesystem::rename(folder / "B/frame_1.exr", folder / "B/frame_50.exr");
+  EXPECT_NO_THROW(run({"%A", "%B"}));
+}
+
+TEST_F(Compare, ABlackFrameHasNoRatioAndTheOthersHaveTheirs) {
+  for (const auto& [name, level] : {std::pair{"A/frame_0.exr", 0.0f},
+                                    {"A/frame_1.exr", 2.0f},
+                                    {"B/frame_0.exr", 1.0f},
+                                    {"B/frame_1.exr", 3.0f}}) {
+    Image image = make_image(8, 4);
+    for (glm::vec3& pixel : image.pixels) pixel = glm::vec3(level);
+    std::filesystem::create_directories((folder / name).parent_path());
+    write_image(folder / name, image);
+  }
+  run({"%A", "%B", "--metrics", "mean_ratio,rmse", "--json", "%out.json"});
+  const auto json = nlohmann::json::parse(load_file(folder / "out.json"));
+  EXPECT_EQ(json.at("mean_ratio"), 1.5);
+  EXPECT_EQ(json.at("rmse"), 1.0);
+  EXPECT_TRUE(json.at("frames").at(0).at("mean_ratio").is_null());
+  EXPECT_EQ(json.at("frames").at(1).at("mean_ratio"), 1.5);
+}
+
 TEST_F(Compare, ChecksTheMapFolderBeforeTheWork) {
   // The metric refuses these images, so whoever complains about the folder looked at it first.
-  write_image(folder / "black.exr", make_image(8, 4));
+  write_image(folder / "smaller.exr", make_image(7, 4));
   const auto error = [&](const char* map) {
-    return error_of([&] { run({"%black.exr", "%b.exr", "--metrics", "block_rmse", "--map", map}); });
+    return error_of([&] { run({"%smaller.exr", "%b.exr", "--metrics", "block_rmse", "--map", map}); });
   };
-  EXPECT_TRUE(is_one_line_with(error("%maps"), "block_rmse"));
+  EXPECT_TRUE(is_one_line_with(error("%maps"), "cannot compare images of 7 x 4"));
   EXPECT_TRUE(is_one_line_with(error("%a.exr"), "--map"));
   EXPECT_TRUE(is_one_line_with(error("%a.exr/maps"), "--map"));
   EXPECT_TRUE(is_one_line_with(error("/proc/icbench"), "--map"));

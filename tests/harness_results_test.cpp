@@ -174,6 +174,7 @@ TEST(Results, DamagedFilesAreRefusedAndLeftAlone) {
   const std::vector<std::pair<std::string, std::string>> cases{
       {whole.substr(0, whole.size() / 2), "byte"},
       {"{\"context\": #}", "byte 13"},
+      {"{\"context\": {\"seed\": 9e999}, \"benchmarks\": []}", "too large"},
       {"[]", "no results file"},
       {"{\"context\": {}}", "no results file"},
       {"{\"context\": {}, \"benchmarks\": []}", "no configuration"},

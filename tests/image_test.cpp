@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 #include <zlib.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -19,6 +20,7 @@
 #include "core/random.h"
 #include "files/output_file.h"
 #include "image/codec.h"
+#include "image/metrics/rmse.h"
 #include "largest_request.h"
 #include "temporary_folder.h"
 
@@ -113,6 +115,27 @@ TEST(Exr, GreyFilesAreReadAsGrey) {
   for (std::size_t i = 0; i < luminance.size(); ++i) EXPECT_EQ(image.pixels[i], glm::vec3(luminance[i]));
 }
 
+TEST(Exr, PartsOfAPictureKnowWhereTheyLie) {
+  TemporaryFolder folder;
+  const std::vector<float> luminance(6, 1.0f);
+  const auto part = [&](const char* name, int x, int y) {
+    Imf::Header header(Imath::Box2i({-5, 2}, {20, 20}), Imath::Box2i({x, y}, {x + 2, y + 1}));
+    header.channels().insert("Y", Imf::Channel(Imf::FLOAT));
+    Imf::FrameBuffer buffer;
+    buffer.insert("Y", Imf::Slice::Make(Imf::FLOAT, luminance.data(), header.dataWindow()));
+    Imf::OutputFile file((folder / name).c_str(), header);
+    file.setFrameBuffer(buffer);
+    file.writePixels(2);
+  };
+  part("a.exr", -5, 2);
+  part("b.exr", 4, 9);
+  const Image a = read_image(folder / "a.exr"), b = read_image(folder / "b.exr");
+  EXPECT_EQ(std::pair(a.left, a.top), std::pair(0, 0));
+  EXPECT_EQ(std::pair(b.left, b.top), std::pair(9, 7));
+  EXPECT_NO_THROW(rmse(b, b, nullptr));
+  EXPECT_TRUE(is_one_line_with(error_of([&] { rmse(a, b, nullptr); }), "at pixel (0, 0) and at (9, 7)"));
+}
+
 TEST(Exr, OtherLayoutsAreRefused) {
   TemporaryFolder folder;
   const std::vector<float> depth(12);
@@ -168,8 +191,9 @@ std::string png_chunk(std::string_view type, const std::string& data) {
          big_endian(crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size())));
 }
 
-/// A PNG of one row; `row` holds its bytes as the format stores them.
-std::string one_row_png(int width, int bit_depth, int colour_type, const std::string& row) {
+/// A PNG of one row; `row` holds its bytes as the format stores them, `before` chunks that stand before it.
+std::string one_row_png(int width, int bit_depth, int colour_type, const std::string& row,
+                        const std::string& before = "") {
   const std::string raw = '\0' + row;  // a row starts with its filter: none
   uLongf size = compressBound(raw.size());
   std::string deflated(size, '\0');
@@ -179,7 +203,7 @@ std::string one_row_png(int width, int bit_depth, int colour_type, const std::st
   const std::string header = {0, 0, 0, static_cast<char>(width),     0,
                               0, 0, 1, static_cast<char>(bit_depth), static_cast<char>(colour_type),
                               0, 0, 0};
-  return "\x89PNG\r\n\x1a\n" + png_chunk("IHDR", header) + png_chunk("IDAT", deflated) +
+  return "\x89PNG\r\n\x1a\n" + png_chunk("IHDR", header) + before + png_chunk("IDAT", deflated) +
          png_chunk("IEND", "");
 }
 
@@ -196,6 +220,22 @@ TEST(Png, OtherColourTypes) {
   EXPECT_FLOAT_EQ(deep.pixels.at(0).r, linear_from_srgb(32768.0f / 65535.0f));
   EXPECT_FLOAT_EQ(deep.pixels.at(0).g, 1.0f / 65535.0f / 12.92f);
   EXPECT_EQ(deep.pixels.at(0).b, 1.0f);
+}
+
+TEST(Png, ColoursThatAPaletteLacksAreBlack) {
+  std::string row, white;
+  for (int i = 0; i < 127; ++i) row += static_cast<char>(2 * i);
+  for (int i = 0; i < 3 * 3; ++i) white += '\xff';
+  const std::string bytes = one_row_png(127, 8, 3, row, png_chunk("PLTE", white));
+  // What it would read otherwise is whatever the stack held.
+  for (const int dirt : {0x00, 0x7f, 0xff}) {
+    std::array<unsigned char, 1 << 16> stack;
+    std::memset(stack.data(), dirt, stack.size());
+    asm volatile("" : : "r"(stack.data()) : "memory");
+    const Image image = decode_png(bytes);
+    for (std::size_t i = 0; i < 127; ++i)
+      EXPECT_EQ(image.pixels.at(i), glm::vec3(2 * i < 3 ? 1.0f : 0.0f)) << i;
+  }
 }
 
 TEST(Png, ExposureScalesAndWhiteClips) {
@@ -278,6 +318,17 @@ TEST(Write, ReplacesAFileAndFollowsLinks) {
   EXPECT_TRUE(std::filesystem::is_symlink(folder / "link.exr"));
   EXPECT_TRUE(is_same(read_image(folder / "real.exr"), image));
   EXPECT_EQ(folder.entries(), 2);
+}
+
+TEST(Write, KeepsAFilesPermissions) {
+  using std::filesystem::perms;
+  TemporaryFolder folder;
+  for (const perms mode : {perms::owner_read | perms::owner_write, perms::owner_all | perms::group_read}) {
+    write_file(folder / "a", "old");
+    std::filesystem::permissions(folder / "a", mode);
+    write_file(folder / "a", "new");
+    EXPECT_EQ(std::filesystem::status(folder / "a").permissions(), mode);
+  }
 }
 
 TEST(Read, RefusesWhatIsNoFile) {

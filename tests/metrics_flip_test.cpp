@@ -29,7 +29,7 @@ Image noise(int width, int height, std::uint64_t seed) {
 }
 
 double mean(const Image& reference, const Image& image) {
-  return flip(reference, image, nullptr, {}).at(0).value;
+  return first_of(flip(reference, image, nullptr, {}));
 }
 
 /// LDR-FLIP of two patches of one colour each, which is the same everywhere.
@@ -198,7 +198,7 @@ TEST(Flip, HardCases) {
 TEST(Flip, MapIsTheErrorAndPaintsAsMagma) {
   const Image a = noise(20, 10, 8), b = noise(20, 10, 9);
   Image map;
-  const double error = flip(a, b, &map, {}).at(0).value;
+  const double error = first_of(flip(a, b, &map, {}));
   EXPECT_NEAR(channel_mean(map), error, 1e-9);
   const Image painted = paint_flip(map, a);
   EXPECT_EQ(painted.pixels[7], magma(map.pixels[7].x));

@@ -57,7 +57,7 @@ Seen seen(const Image& reference, const Image& image, const Viewing& viewing = l
   const std::vector<MetricValue> values = hdrvdp(reference, image, map, viewing);
   EXPECT_EQ(values.at(0).name, "p75");
   EXPECT_EQ(values.at(1).name, "p95");
-  return {values[0].value, values[1].value};
+  return {values[0].value.value(), values[1].value.value()};
 }
 
 /// Smallest contrast of a grating on `reference` that a quarter of the pixels show with P > 75 %, by

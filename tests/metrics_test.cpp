@@ -31,7 +31,7 @@ Image noise(int width, int height, std::uint64_t seed) {
 double figure(MetricFunction metric, const Image& reference, const Image& image, Image* map = nullptr) {
   const std::vector<MetricValue> values = metric(reference, image, map);
   EXPECT_EQ(values.size(), 1u);
-  return values.at(0).value;
+  return first_of(values);
 }
 
 TEST(Metrics, EqualImagesAreEqual) {
@@ -152,8 +152,8 @@ TEST(Metrics, DarkReferences) {
   EXPECT_EQ(figure(mean_ratio, black, black), 1.0);
   EXPECT_EQ(figure(mean_ratio, bright, black), 0.0);
   EXPECT_EQ(figure(block_rmse, bright, black), 1.0);
-  EXPECT_TRUE(is_one_line_with(error_of([&] { mean_ratio(black, bright, nullptr); }), "mean_ratio"));
-  EXPECT_TRUE(is_one_line_with(error_of([&] { block_rmse(black, bright, nullptr); }), "block_rmse"));
+  EXPECT_EQ(mean_ratio(black, bright, nullptr).at(0).value, std::nullopt);
+  EXPECT_EQ(block_rmse(black, bright, nullptr).at(0).value, std::nullopt);
 }
 
 TEST(Metrics, RefuseWhatCannotBeCompared) {
@@ -189,7 +189,7 @@ TEST(Metrics, DoNotDependOnTheNumberOfThreads) {
         Image map;
         std::vector<std::uint64_t> bits;
         for (const MetricValue& part : metric.compute(reference, image, &map, {})) {
-          bits.push_back(std::bit_cast<std::uint64_t>(part.value));
+          bits.push_back(std::bit_cast<std::uint64_t>(part.value.value()));
         }
         for (const glm::vec3& pixel : map.pixels) bits.push_back(std::bit_cast<std::uint32_t>(pixel.y));
         results.push_back(bits);

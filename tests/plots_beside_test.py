@@ -8,10 +8,11 @@ import unittest
 
 import numpy as np
 
-from plots_models import (kFewWorkloads, kRoot, few_caches, model_pareto, model_preempt, model_repeatability,
-                          model_results, model_simulated, model_timeline)
+from plots_models import (kFewWorkloads, kRoot, few_caches, model_anatomy, model_pareto, model_preempt,
+                          model_repeatability, model_results, model_simulated, model_timeline)
 from plots_support import InFolder, read_csv, run, write_results
 
+import anatomy_results
 import pareto
 import pareto_results
 import preemption
@@ -177,13 +178,51 @@ class Repeatability(InFolder):
         for row in first["benchmarks"]:
             row |= {"accuracy": 0.4, "real_time": 7.0}
         paths.append(write_results(self.folder / "coarse.json", first))
-        with self.assertRaisesRegex(results.InputError, "accuracy of cornell_box by irradiance_cache is 0.2 and 0.4"):
+        with self.assertRaisesRegex(results.InputError, "accuracy of cornell_box by irradiance_cache is 0.4 here and 0.2 in "):
             repeatability_results.load(paths)
 
     def test_nothing_is_drawn_where_threads_change_nothing(self):
         path = write_results(self.folder / "same.json", model_repeatability(differences={"null": 0.0}))
         done = self.good("repeatability.py", path, "--out", self.folder)
         self.assertIn("left out", done.stdout)
+
+
+class Pooled(InFolder):
+    """Files of one machine and build are runs of one thing, or are refused."""
+
+    def test_another_run_of_queries_adds_its_times(self):
+        first, second = model_anatomy(repetitions=2), model_anatomy(repetitions=2)
+        for row in second["benchmarks"]:
+            row["real_time"] *= 1.5
+        paths = [write_results(self.folder / "a.json", first), write_results(self.folder / "b.json", second)]
+        alone, both = (anatomy_results.points(anatomy_results.load(some)[0]) for some in (paths[:1], paths))
+        self.assertEqual(set(alone["n"]), {2})
+        self.assertEqual(set(both["n"]), {4})
+
+    def test_queries_to_other_records_are_another_thing(self):
+        second = model_anatomy()
+        for row in second["benchmarks"]:
+            if "records" in row:
+                row["records"] = 2000
+        paths = [write_results(self.folder / "a.json", model_anatomy()), write_results(self.folder / "b.json", second)]
+        with self.assertRaisesRegex(results.InputError, "records is 2000 here and 100000 in a.json"):
+            anatomy_results.load(paths)
+
+    def test_with_a_million_records_more_is_asked(self):
+        data = model_anatomy()
+        for row in data["benchmarks"]:
+            if "records" in row:
+                row["records"] = 1_000_000
+        for records, asked in (model_anatomy(), 12), (data, 15):
+            found, = anatomy_results.load([write_results(self.folder / "a.json", records)])
+            bounds = anatomy_results.bounds(found)
+            self.assertEqual(set(bounds.loc[bounds["other"] == "wait_free", "asked"]), {asked})
+
+    def test_pauses_of_another_length_are_another_thing(self):
+        paths = [write_results(self.folder / f"{pause}.json", model_preempt(configuration={"pause_ms": pause}))
+                 for pause in (2, 100)]
+        with self.assertRaisesRegex(results.InputError, "pause_ms of mix_90_10 by 10 is 100 here and 2 in 2.json"):
+            preemption_results.load(paths)
 
 
 class Simulated(InFolder):

@@ -40,6 +40,33 @@ class Pareto(InFolder):
         (self.folder / "pareto.json").rename(self.folder / "pareto.previous.json")
         self.assertEqual(report._beside([small], report.kPareto), [])
 
+    def test_pictures_of_other_settings_are_no_runs_of_one(self):
+        def file(name, **changes):
+            data = model_pareto(scenes=("cornell_box",))
+            data["benchmarks"] = [row | changes for row in data["benchmarks"]]
+            return write_results(self.folder / name, data)
+
+        first, wide = file("pareto.json"), file("pareto_wide.json", width=128)
+        for name, value in ("width", 128), ("threads", 3), ("reference_spp", 8), ("frame", 4):
+            with self.assertRaisesRegex(results.InputError, f"{name} of cornell_box is {value} here and .*; draw"):
+                pareto_results.load([first, file("other.json", **{name: value})])
+        (self.folder / "other.json").unlink()
+        found, left_out = pareto_results.load_what_can_be([first, wide])
+        self.assertEqual([one.paths for one in found], [[first.resolve()]])
+        self.assertIn("width of cornell_box", left_out[0])
+        again = file("again.json", seed=99)
+        self.assertEqual(len(pareto_results.load([first, again])[0].rows), 2 * len(found[0].rows))
+
+    def test_a_scene_without_error_has_no_figure_and_a_page(self):
+        small = self.small()
+        data = model_pareto(scenes=("cornell_box",))
+        for row in data["benchmarks"]:
+            row |= {name: 0.0 for name in row if name in pareto_results.kErrors}
+        write_results(self.folder / "pareto.json", data)
+        done = self.good("report.py", small, "--out", self.folder / "out")
+        self.assertIn("figure pareto: left out", done.stdout)
+        self.assertIn('id="pareto"', (self.folder / "out/report.html").read_text(encoding="utf-8"))
+
     def test_a_budget_buys_the_least_error_that_it_can_pay(self):
         table = pareto_results.points(pareto_results.load(
             [write_results(self.folder / "pareto.json", model_pareto())])[0])

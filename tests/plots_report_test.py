@@ -361,6 +361,10 @@ class Findings(InFolder):
             self.assertIn(word, text)
         self.assertTrue(cautions.cautions(wild)[0].grave)
 
+    def test_the_busiest_of_pooled_runs_is_warned_of(self):
+        setup, = results.load([self.results("a.json"), self.results("b.json", seed=2, load_avg=[37.0, 1.0, 1.0])])
+        self.assertIn("(load 37)", " ".join(w.text for w in cautions.cautions(setup)))
+
     def test_a_tie_is_undecided(self):
         caches = few_caches()
         data = model_results(caches=caches, workloads=kFewWorkloads[:1], threads=(8,), errors=False)

@@ -175,6 +175,21 @@ class Figures(InFolder):
         other, = (g for g in groups if not g.mechanisms)
         self.assertEqual(home[other.caches].nunique(), len(other.caches))
 
+    def test_a_cache_each_of_two_structures_makes_a_report_without_what_compares_mechanisms(self):
+        caches = [c for c in model_caches() if c["cache"] in ("global_mutex", "packed_global_mutex")]
+        path = self.results(caches=caches)
+        done = self.good("report.py", path, "--out", self.folder / "out")
+        self.assertIn("figure lock_wait: left out, nothing of it can be compared", done.stdout)
+        self.assertTrue((self.folder / "out/report.html").exists())
+        done = self.good("lock_wait.py", path, "--out", self.folder / "alone")
+        self.assertIn("lock_wait: left out for model", done.stdout)
+        self.assertFalse((self.folder / "alone").exists())
+
+    def test_names_are_no_formulas(self):
+        data = model_results(caches=few_caches(), workloads=("mix_90_10:order=a$^$",), threads=(1, 8), errors=False)
+        path = write_results(self.folder / "results.json", data)
+        self.good("throughput.py", path, "--out", self.folder / "out")
+
     def test_single_repetition_is_said_and_carries_no_interval(self):
         path = self.results(repetitions=1)
         self.good("throughput.py", path, "--out", self.folder)
@@ -271,6 +286,16 @@ class Machines(InFolder):
         self.assertEqual(set(table["n"]), {10})
         self.assertTrue(any("differ in os" in remark for remark in setups[0].remarks))
 
+    def test_sweeps_that_were_measured_in_another_way_are_not_pooled(self):
+        def sweep(name, **measured_with):
+            return self.results(name, configuration={"command": "sweep", "reference_spp": 64} | measured_with)
+
+        plain = sweep("a.json")
+        self.assertEqual(len(results.load([plain, sweep("b.json", seed=3)])), 1)
+        for name, other in ("reference_spp", 1024), ("breakdown", True), ("latency_every", 1000):
+            with self.assertRaisesRegex(results.InputError, f"{name} is {other} here and .* in a.json"):
+                results.load([plain, sweep("b.json", **{name: other})])
+
     def test_the_same_rows_count_once(self):
         first = self.results("a.json")
         copy = self.folder / "b.json"
@@ -343,6 +368,9 @@ class Grids(unittest.TestCase):
         for parts in (["a: 1 [0, 1];", "b: 3 [2, 4]"], ["[4, 6]"]):
             self.assertIn("".join(f'<span class="under">{part}</span>' for part in parts) + "</td>", made.html())
         self.assertIn("| all | 2 (a: 1 [0, 1]; b: 3 [2, 4]) |", made.markdown())
+
+    def test_markdown_shows_names_as_they_are(self):
+        self.assertEqual(grid.markdown_text("a<img src=x>|`b`*c*\nd_e"), "a\\<img src=x>\\|\\`b\\`\\*c\\* d_e")
 
 
 if __name__ == "__main__":

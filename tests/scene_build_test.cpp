@@ -111,11 +111,54 @@ TEST(ScenePrepare, DropsAndCountsDegenerateTriangles) {
   mesh.triangles.emplace_back(0, 0, 1);  // a point twice
   mesh.triangles.emplace_back(0, 4, 5);  // three points in line
   mesh.triangles.emplace_back(0, 1, 6);  // a sliver
+  // Far away they do not make what is here small.
+  mesh.positions.insert(mesh.positions.end(), {{9e5f, 0.0f, 0.0f}, {9e5f, 9e5f, 0.0f}, {9e5f, 4e5f, 0.0f}});
+  mesh.triangles.emplace_back(7, 7, 8);
+  mesh.triangles.emplace_back(7, 8, 9);
   prepare(s);
-  EXPECT_EQ(s.dropped_triangles, 3u);
+  EXPECT_EQ(s.dropped_triangles, 5u);
   EXPECT_EQ(s.meshes[0].triangles.size(), 2u);
+  EXPECT_LT(s.bounds.upper.x, 1.001f);
+  const Bounds bounds = s.bounds;
   prepare(s);
-  EXPECT_EQ(s.dropped_triangles, 3u) << "prepare is not idempotent";
+  EXPECT_EQ(s.dropped_triangles, 5u) << "prepare is not idempotent";
+  EXPECT_EQ(s.bounds.lower, bounds.lower);
+  EXPECT_EQ(s.bounds.upper, bounds.upper);
+}
+
+TEST(ScenePrepare, OfWhatMovesAPointCountsForNothingEither) {
+  Scene s = one_quad();
+  s.meshes[0].positions.emplace_back(9e5f, 0.0f, 0.0f);
+  s.meshes[0].triangles.emplace_back(4, 4, 4);
+  s.meshes[0].pose = [](float) { return Pose{}; };
+  prepare(s);
+  EXPECT_EQ(s.dropped_triangles, 1u);
+  EXPECT_LT(s.bounds.upper.x, 1.001f);
+}
+
+TEST(SceneKeys, KnowWhereThingsStandAtAFrameAndHowTheCameraLooks) {
+  const auto scene = [](float reach, float camera) {
+    Scene s = one_quad();
+    s.frames = 4;
+    s.meshes[0].pose = [=](float frame) {
+      return Pose{glm::mat3(1.0f), glm::vec3(reach * frame, 0.0f, 0.0f)};
+    };
+    s.camera_path = [=, still = s.camera](float frame) {
+      Camera c = still;
+      c.fov_y += camera * frame;
+      return c;
+    };
+    return s;
+  };
+  const Scene a = scene(0.1f, 0.0f), other_motion = scene(0.2f, 0.0f), other_view = scene(0.1f, 0.1f);
+  EXPECT_EQ(light_key(a, 0), light_key(other_motion, 0));
+  EXPECT_NE(light_key(a, 1), light_key(other_motion, 1));
+  EXPECT_EQ(light_key(a, 1), light_key(other_view, 1));
+  EXPECT_NE(picture_key(a, 1), picture_key(other_view, 1));
+  EXPECT_EQ(picture_key(a, 0), picture_key(other_view, 0));
+  Scene renamed = a;
+  renamed.name = "another";
+  EXPECT_EQ(picture_key(a, 2), picture_key(renamed, 2));
 }
 
 TEST(ScenePrepare, BoundsHoldAllSurfacesButNotUnusedVertices) {

@@ -1,8 +1,10 @@
 // Point and spot lights, and the starts of light paths.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
 #include <numbers>
 #include <vector>
 
@@ -16,11 +18,13 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 const glm::vec3 kAxis = glm::normalize(glm::vec3(1, -2, 0.5f));
 
-// A lamp of 2 m^2, a point light and two spot lights, one with a sharp edge, in different colours.
+// A lamp of 2 m^2, a point light and two spot lights, one with a sharp edge, in different colours, over a floor so wide
+// that none of them is far off.
 Scene four_lights() {
   Scene s;
   const auto lamp = s.add_material({.emission = {3, 1, 0}});
   s.meshes.push_back(quad("lamp", {0, 5, 0}, {2, 0, 0}, {0, 0, 1}, lamp));
+  s.meshes.push_back(quad("floor", {-60, -9, -60}, {120, 0, 0}, {0, 0, 120}, s.add_material({})));
   s.point_lights.push_back({.p = {9, 0, 0}, .intensity = {1, 1, 1}});
   s.point_lights.push_back({{9, 1, 0}, {0, 5, 5}, kAxis, 0.9f, 0.5f});
   s.point_lights.push_back({{9, 2, 0}, {20, 0, 0}, kAxis, 0.8f, 0.8f});
@@ -113,6 +117,78 @@ TEST(SceneEmission, PowerDiffersFromRayToRayByColourOnly) {
     }
 }
 
+// A light far away sends its paths to the scene, with the flux that goes there; one whose cone ends within the scene
+// keeps its own directions.
+TEST(SceneEmission, FarPointLightsAimAtTheScene) {
+  const glm::vec3 down(0, -1, 0);
+  struct Far {
+    PointLight light;
+    bool is_aimed;
+  };
+  for (const float distance : {3.0f, 100.0f, 1e4f, 1e7f}) {
+    const glm::vec3 p(0, distance, 0);
+    for (const auto& [light, is_aimed] :
+         {Far{{.p = p, .intensity = glm::vec3(2)}, true}, Far{{p, glm::vec3(2), down, 0.5f, 0.2f}, true},
+          Far{{p, glm::vec3(2), -down, 0.5f, 0.2f}, false}}) {
+      Scene s;
+      s.meshes.push_back(quad("floor", {-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, s.add_material({})));
+      s.point_lights.push_back(light);
+      prepare(s);
+      Pcg32 random(5);
+      double flux = 0.0;
+      constexpr int kDraws = 20'000;
+      for (int i = 0; i < kDraws; ++i) {
+        const EmittedRay ray = draw(s.lights, random);
+        ASSERT_NEAR(glm::length(ray.d), 1.0f, 1e-5f);
+        const glm::vec3 at = ray.p - ray.p.y / std::min(ray.d.y, -1e-9f) * ray.d;
+        const bool hits = ray.d.y < 0.0f && std::abs(at.x) <= 1.0f && std::abs(at.z) <= 1.0f;
+        if (hits) flux += ray.power.x / kDraws;
+        if (is_aimed) {
+          ASSERT_LE(glm::length(glm::vec2(at.x, at.z)), 2.0f) << distance;
+        }
+      }
+      if (!is_aimed) {
+        EXPECT_EQ(flux, 0.0);
+        continue;
+      }
+      // The solid angle of a square seen from above its centre.
+      const double d = distance, angle = 4.0 * std::asin(1.0 / (1.0 + d * d));
+      EXPECT_NEAR(flux / (2.0 * angle), 1.0, 0.02) << distance;
+    }
+  }
+}
+
+// Guards against: a choice by so few random bits that lights of which one has many triangles get a wrong share.
+TEST(SceneLightTable, ManyTrianglesGetTheirShareAndNoMore) {
+  for (const std::uint32_t log_triangles : {4u, 16u, 20u}) {
+    // Half of the triangles, on the left, have a hundredth of the power.
+    Scene s;
+    const auto dim = s.add_material({.emission = glm::vec3(1)}),
+               bright = s.add_material({.emission = glm::vec3(99)});
+    const std::uint32_t half = 1u << (log_triangles - 1);
+    for (const bool is_left : {true, false}) {
+      Mesh mesh{is_left ? "dim" : "bright", {}, {}, {}, is_left ? dim : bright};
+      for (std::uint32_t i = 0; i <= half; ++i)
+        mesh.positions.push_back({(is_left ? -1.0f : 1.0f) + 0.5f * static_cast<float>(i % 2), 0.0f,
+                                  static_cast<float>(i) / static_cast<float>(half)});
+      mesh.positions.push_back(
+          {(is_left ? -1.0f : 1.0f) + 0.5f * static_cast<float>((half + 1) % 2), 0.0f, 1.0f});
+      for (std::uint32_t i = 0; i < half; ++i) mesh.triangles.emplace_back(i, i + 1, i + 2);
+      s.meshes.push_back(std::move(mesh));
+    }
+    s.lights = LightTable(s, 0.0f);
+    Pcg32 random(11);
+    constexpr int kDraws = 400'000;
+    int left = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const float u = random.uniform(), u1 = random.uniform(), u2 = random.uniform();
+      left += s.lights.sample(u, u1, u2).p.x < 0.0f;
+    }
+    const double share = 0.01;
+    EXPECT_NEAR(left, share * kDraws, 4.0 * std::sqrt(share * kDraws)) << log_triangles;
+  }
+}
+
 TEST(SceneSpot, IntensityFallsSmoothlyFromTheInnerConeToTheOuter) {
   PointLight spot{.intensity = glm::vec3(1), .cos_inner = 0.9f, .cos_outer = 0.7f};
   EXPECT_EQ(spot_falloff(spot, 1.0f), 1.0f);
@@ -140,10 +216,10 @@ TEST(SceneLightTable, LightsThatGiveNothingAreNotDrawn) {
   s.point_lights.push_back({{0, 1, 0}, glm::vec3(1), {0, -1, 0}, 1.0f, 1.0f});
   prepare(s);
   EXPECT_TRUE(s.lights.empty()) << "no intensity, and a cone without extent";
-  s.point_lights.push_back({.p = {0, 2, 0}, .intensity = glm::vec3(1e-20f)});
+  s.point_lights.push_back({.p = {0.5f, 0.2f, 0.5f}, .intensity = glm::vec3(1e-20f)});
   prepare(s);
   EXPECT_EQ(s.lights.size(), 1u);
-  EXPECT_EQ(s.lights.sample(0.5f, 0.5f, 0.5f).p, glm::vec3(0, 2, 0));
+  EXPECT_EQ(s.lights.sample(0.5f, 0.5f, 0.5f).p, glm::vec3(0.5f, 0.2f, 0.5f));
   EXPECT_FLOAT_EQ(s.lights.emit(0.5f, 0, 0, 0.5f, 0.5f).power.x, static_cast<float>(4e-20 * kPi));
 }
 

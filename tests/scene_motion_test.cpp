@@ -176,11 +176,22 @@ TEST(SceneMotion, LampsNeverGoOutAndWallsNeverGlow) {
 TEST(SceneMotion, NothingLeavesItsRoom) {
   for (const Animation& a : kAnimations) {
     const Scene s = make_scene(a.name);
+    // Of its sides alone where they are meshes of their own: what stands in a wall would make room for itself.
+    const auto is_side = [](const Mesh& m) {
+      return m.name == "floor" || m.name == "ceiling" || m.name == "left" || m.name == "right" ||
+             m.name == "back" || m.name == "front";
+    };
+    const bool has_sides = std::any_of(s.meshes.begin(), s.meshes.end(), is_side);
     Bounds room{glm::vec3(std::numeric_limits<float>::max()), glm::vec3(-std::numeric_limits<float>::max())};
+    for (const Mesh& mesh : s.meshes) {
+      if (mesh.moves() || is_side(mesh) != has_sides) continue;
+      const Bounds b = bounds_of(mesh);
+      room = {glm::min(room.lower, b.lower), glm::max(room.upper, b.upper)};
+    }
     for (const Mesh& mesh : s.meshes) {
       if (mesh.moves()) continue;
       const Bounds b = bounds_of(mesh);
-      room = {glm::min(room.lower, b.lower), glm::max(room.upper, b.upper)};
+      EXPECT_TRUE(room.contains(b.lower) && room.contains(b.upper)) << a.name << " " << mesh.name;
     }
     const glm::vec3 gap(0.0009f);
     const Bounds inside{room.lower + gap, room.upper - gap};

@@ -73,6 +73,9 @@ Found store_buffering(std::memory_order store, std::memory_order load) {
 TEST(Memory, StoreBufferingIsSeenUnlessSequentiallyConsistent) {
   EXPECT_TRUE(store_buffering(kRelease, kAcquire).has({0, 0}));
   EXPECT_EQ(store_buffering(kSeqCst, kSeqCst).outcomes, (std::set<Outcome>{{0, 1}, {1, 0}, {1, 1}}));
+  // Nor is it enough for the stores alone, or the loads.
+  EXPECT_TRUE(store_buffering(kSeqCst, kAcquire).has({0, 0}));
+  EXPECT_TRUE(store_buffering(kRelease, kSeqCst).has({0, 0}));
 }
 
 TEST(Memory, ReadsOfOneWordNeverGoBack) {

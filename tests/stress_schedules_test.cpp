@@ -31,9 +31,9 @@ std::vector<std::string_view> short_scenarios(std::string_view structure) {
 class Explored : public ::testing::TestWithParam<std::string> {};
 
 TEST(ExploredScenarios, OfThePackedOctreeAreItsOwn) {
-  EXPECT_EQ(short_scenarios("").size(), 13u);
-  EXPECT_EQ(short_scenarios("packed").size(), 25u);
-  EXPECT_EQ(short_scenarios("ward").size(), 13u);
+  EXPECT_EQ(short_scenarios("").size(), 15u);
+  EXPECT_EQ(short_scenarios("packed").size(), 27u);
+  EXPECT_EQ(short_scenarios("ward").size(), 15u);
 }
 
 TEST_P(Explored, KeepsItsPromiseUnderEverySchedule) {

@@ -9,9 +9,9 @@
 #include <set>
 #include <stdexcept>
 
+#include "files/memory.h"
 #include "harness/topology.h"
 #include "temporary_folder.h"
-#include "workload/memory.h"
 #include "workload/names.h"
 #include "workload/spec.h"
 #include "workload/sweep.h"

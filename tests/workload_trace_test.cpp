@@ -7,13 +7,13 @@
 #include <bit>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <tuple>
 
 #include "broken_caches.h"
 #include "caches/registry.h"
+#include "file_bytes.h"
 #include "made_points.h"
 #include "temporary_folder.h"
 #include "workload/dispatch.h"
@@ -22,18 +22,6 @@
 
 namespace icbench {
 namespace {
-
-using Bytes = std::vector<unsigned char>;
-
-Bytes bytes_of(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void put(const std::filesystem::path& path, const Bytes& bytes) {
-  std::ofstream out(path, std::ios::binary | std::ios::trunc);
-  out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-}
 
 template <class T>
 bool same_bytes(const T& a, const T& b) {
@@ -350,6 +338,18 @@ TEST_F(Traces, AnAnswerWithoutARecordIsRefused) {
   encoder.query({{0.5f, 0.5f, 0.0f}, {0, 0, 1}}, true);
   write_tile(path_, encoder, 1, 0, render_.context(1));
   EXPECT_TRUE(is_one_line_with(error_of([&] { TracePlan(read_trace(path_), 1.0); }), "contradicts itself"));
+  const WorkloadSpec spec = parse_workload("trace:file=" + path_);
+  EXPECT_TRUE(
+      is_one_line_with(error_of([&] { plan_of_trace(spec, 1.0); }), "cannot use the trace '" + path_));
+}
+
+TEST_F(Traces, AFileThatChangedSinceTheRunBeganIsRefused) {
+  render_.capture(path_, 1);
+  WorkloadSpec spec = parse_workload("trace:file=" + path_);
+  spec.checksum = read_trace_header(path_).checksum;
+  EXPECT_NO_THROW(plan_of_trace(spec, 1.0));
+  MadeRender().capture(path_, 2);
+  EXPECT_TRUE(is_one_line_with(error_of([&] { plan_of_trace(spec, 1.0); }), path_ + "' has changed"));
 }
 
 class SmallTrace : public Traces {

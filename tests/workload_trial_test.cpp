@@ -64,7 +64,7 @@ TEST_P(Trials, AreValidOnEveryCacheAndNumberOfThreads) {
         EXPECT_EQ(out.counts.queries, operations);
         EXPECT_EQ(out.counts.inserted, out.counts.queries - out.counts.hits);
         if (threads == 1) {
-          EXPECT_EQ(out.records, plan.records_of_one_thread(kSeed)) << "redundant records";
+          EXPECT_EQ(out.records, plan.records_of_one_thread(1, kSeed)) << "redundant records";
         }
       } else {
         EXPECT_EQ(out.counts.inserted, spec.inserts());
@@ -85,6 +85,18 @@ INSTANTIATE_TEST_SUITE_P(Kinds, Trials,
                                            "miss_driven:cost=0:operations=1500:order=coherent",
                                            "mix_50_50:records=3:operations=4"),
                          [](const auto& kind) { return fmt::format("Kind{}", kind.index); });
+
+// Guards against: redundancy that is told of threads because they have other tiles than one alone would have.
+TEST(Redundancy, InCoherentOrderIsOverWhatTheSameTilesNeed) {
+  Bench bench;
+  constexpr unsigned kThreads = 8;
+  const SyntheticPlan plan = made_plan("miss_driven:cost=0:operations=1500:order=coherent");
+  ASSERT_EQ(plan.streams_of_one_thread(kThreads), kThreads);
+  const auto needed = static_cast<double>(plan.records_of_one_thread(kThreads, kSeed));
+  const TrialOutcome out = bench(find_cache("global_mutex").synthetic, plan, kThreads);
+  EXPECT_NEAR(static_cast<double>(out.records), needed, 0.1 * needed);
+  EXPECT_EQ(made_plan("miss_driven:cost=0:operations=1500").streams_of_one_thread(kThreads), 1u);
+}
 
 TEST(BrokenCaches, WrongRecordsAreFoundOut) {
   const SyntheticPlan inserts = made_plan("insert_only:records=200");

@@ -76,7 +76,7 @@ class TemporalVisible : public Experiment {
     for (std::uint32_t frame = 0; frame <= kLast; ++frame) temporal.render(frame);
     Studio instant(machine_, "instant_gi", setting_, seed, kJudgedLightSamples);
     instant.render(kLast);
-    return {hdrvdp(instant.picture(), temporal.picture(), nullptr, {}).front().value};
+    return {first_of(hdrvdp(instant.picture(), temporal.picture(), nullptr, {}))};
   }
   bool starts_warm() const override { return true; }
 

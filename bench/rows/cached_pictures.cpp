@@ -26,7 +26,6 @@ namespace icbench {
 namespace {
 
 constexpr int kJudgedWidth = 192, kJudgedHeight = 144;  // of pictures that are compared with path tracing
-constexpr int kTimedWidth = 512, kTimedHeight = 384;
 constexpr std::uint32_t kReferenceSpp = 1024;
 
 // A scene at its first frame, and the threads that render it.
@@ -74,13 +73,12 @@ class DeterministicOverFree : public Experiment {
 
  private:
   double seconds_of(bool deterministic) {
-    const int part = which_.spp > 1 ? 2 : 1;
     FrameRequest r =
-        stage_.request(find_integrator(which_.integrator), seed_, kTimedWidth / part, kTimedHeight / part);
+        stage_.request(find_integrator(which_.integrator), seed_, which_.width(), which_.height());
     r.interpolation = find_interpolation(which_.interpolation).level;
     r.spp = which_.spp;
     r.a = own_accuracy(scene_);
-    r.vpls = 1024;
+    r.vpls = DeterministicFrame::kVpls;
     r.deterministic = deterministic;
     return FrameRenderer(r).render(0).seconds_indirect;
   }
@@ -128,7 +126,7 @@ class Judged : public Experiment {
 
   /// Without the reference's own error, which is independent of the picture's; 0 where that is all there is.
   double rmse_of(const Picture& p) const {
-    const double error = rmse(reference_.indirect, p.indirect, nullptr).front().value;
+    const double error = first_of(rmse(reference_.indirect, p.indirect, nullptr));
     return std::sqrt(std::max(0.0, error * error - reference_.rmse * reference_.rmse));
   }
   double relmse_of(const Picture& p) const {
@@ -219,7 +217,7 @@ class RecordsAtEqualError : public Judged {
     return out;
   }
   double square_of_difference(const Image& image) const {
-    const double error = rmse(truth_, image, nullptr).front().value;
+    const double error = first_of(rmse(truth_, image, nullptr));
     return error * error;
   }
 
@@ -359,7 +357,7 @@ class MeanOff : public Judged {
       r.interpolation = level_;
       r.a = own_accuracy(scene_);
       const Picture p = render(r);
-      off += (mean_ratio(reference_.indirect, p.indirect, nullptr).front().value - 1.0) / kPictures;
+      off += (first_of(mean_ratio(reference_.indirect, p.indirect, nullptr)) - 1.0) / kPictures;
     }
     return {std::fabs(off)};
   }
@@ -386,7 +384,7 @@ class BlockError : public Judged {
     Image truth = picture;
     for (std::size_t i = 0; i < truth.pixels.size(); ++i)
       truth.pixels[i] += reference_.indirect.pixels[i] - renderer.indirect().pixels[i];
-    return {block_rmse(truth, picture, nullptr).front().value};
+    return {first_of(block_rmse(truth, picture, nullptr))};
   }
   bool starts_warm() const override { return true; }
 };

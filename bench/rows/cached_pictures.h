@@ -21,6 +21,11 @@ struct DeterministicFrame {
   std::string_view integrator;
   std::string_view interpolation;
   std::uint32_t spp;  ///< samples a pixel; with more than one, queries take the time and not the records
+
+  int width() const noexcept { return spp > 1 ? 256 : 512; }
+  int height() const noexcept { return width() / 4 * 3; }
+  /// Virtual point lights of instant caching.
+  static constexpr std::uint32_t kVpls = 1024;
 };
 
 /// Indirect time of a cached picture, deterministic, over that of one left to itself. A sample is a frame of either.

@@ -1,11 +1,13 @@
 // What the packed octree is to be faster than: the same copies of records in cells, found by one walk from the root,
-// but whole records, tested one by one in scalar code. Read-only, for one thread or many.
+// but whole records, tested one by one in scalar code. Read-only, for one thread or many, on large pages as the packed
+// octree is.
 #pragma once
 
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "caches/large_page_allocator.h"
 #include "caches/packed_reach.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
@@ -72,8 +74,8 @@ class ReplicatedOctree {
 
   OctreeAddressing addressing_;
   float a_;
-  std::vector<Cell> cells_;
-  std::vector<Record> copies_;
+  std::vector<Cell, LargePageAllocator<Cell>> cells_;
+  std::vector<Record, LargePageAllocator<Record>> copies_;
 };
 
 }  // namespace icbench

@@ -238,10 +238,14 @@ void add_pictures(std::vector<Row>& rows) {
           std::pair{"_ellipses", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 16}},
           std::pair{"_ellipses_once", DeterministicFrame{"irradiance_cache", "occlusion_hessian", 1}}}) {
       add(fmt::format("deterministic{}_{}", suffix, scene),
-          fmt::format(
-              "indirect time of a frame of {} by {}, {}, {} a pixel: --deterministic / left to itself", scene,
-              which.integrator, which.interpolation,
-              which.spp > 1 ? fmt::format("{} samples", which.spp) : "one sample"),
+          fmt::format("indirect time of a frame of {}, {}x{}, by {}{}, {}, {} a pixel: --deterministic / "
+                      "left to itself",
+                      scene, which.width(), which.height(), which.integrator,
+                      which.integrator == "instant_caching"
+                          ? fmt::format(" of {} virtual lights", DeterministicFrame::kVpls)
+                          : "",
+                      which.interpolation,
+                      which.spp > 1 ? fmt::format("{} samples", which.spp) : "one sample"),
           1.15, [scene, which = which](const Machine& machine) {
             return deterministic_over_free(machine, scene, which);
           });

@@ -242,7 +242,40 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
     hn::StoreU(weights_of(x, a, records + i), Group(), weights + i);
 }
 
-/// Adds four floats to sums of double precision. A template, so that only one way is compiled.
+using Block = hn::CappedTag<float, kSummed>;
+
+/// Red, green, blue and a one of record k and, where a group is two blocks of four, of record k + 4. A template, and so
+/// is what follows, so that only one way is compiled.
+template <class Floats8Or4>
+HWY_INLINE hn::Vec<Floats8Or4> colours_of(Floats8Or4 floats, const Record* const* records, std::size_t k) {
+  constexpr std::size_t kE = offsetof(Record, E) / sizeof(float);
+  static_assert(offsetof(Record, E) % sizeof(float) == 0 && sizeof(Record) >= (kE + 4) * sizeof(float));
+  const auto row = [&](std::size_t i) HWY_ATTR {
+    return hn::LoadU(Block(), reinterpret_cast<const float*>(records[i]) + kE);
+  };
+  // What stands behind the irradiance is no float.
+  HWY_ALIGN static constexpr std::uint32_t kIsColour[kWeighed] = {1, 1, 1, 0, 1, 1, 1, 0};
+  const hn::RebindToUnsigned<Floats8Or4> words;
+  const auto is_colour = hn::RebindMask(floats, hn::Ne(hn::Load(words, kIsColour), hn::Zero(words)));
+  const auto one = hn::Set(floats, 1.0f);
+  if constexpr (kGroup == kWeighed) {
+    return hn::IfThenElse(is_colour, hn::Combine(floats, row(k + kSummed), row(k)), one);
+  } else {
+    return hn::IfThenElse(is_colour, row(k), one);
+  }
+}
+
+/// The sum of a group's blocks.
+template <class Floats8Or4>
+HWY_INLINE hn::Vec<Block> sum_of_blocks(Floats8Or4, hn::Vec<Floats8Or4> blocks) {
+  if constexpr (kGroup == kWeighed) {
+    return hn::Add(hn::LowerHalf(Block(), blocks), hn::UpperHalf(Block(), blocks));
+  } else {
+    return blocks;
+  }
+}
+
+/// Adds four floats to sums of double precision.
 template <class Doubles, class Floats4>
 HWY_INLINE void add_to(WeightedSums& sums, hn::Vec<Floats4> terms) {
   const Doubles doubles;
@@ -263,28 +296,21 @@ HWY_INLINE void add_to(WeightedSums& sums, hn::Vec<Floats4> terms) {
 /// changes no sum.
 std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                           WeightedSums& sums) {
-  constexpr std::size_t kE = offsetof(Record, E) / sizeof(float);
-  static_assert(offsetof(Record, E) % sizeof(float) == 0 && sizeof(Record) >= (kE + 4) * sizeof(float));
   const Group floats;
-  const hn::CappedTag<float, 4> colours;
-  const auto one = hn::Set(colours, 1.0f);
-  const auto is_colour = hn::FirstN(colours, 3);
-  auto sum = hn::Zero(colours);
+  auto sum = hn::Zero(Block());
   std::size_t valid = 0;
   for (std::uint32_t i = 0; i < n; i += kGroup) {
+    const Record* const* group = records + i;
     const auto is_record = hn::FirstN(floats, std::min<std::size_t>(n - i, kGroup));
-    const auto weight = hn::IfThenElseZero(is_record, weights_of(x, a, records + i));
+    const auto weight = hn::IfThenElseZero(is_record, weights_of(x, a, group));
     valid += hn::CountTrue(floats, hn::Gt(weight, hn::Zero(floats)));
-    HWY_ALIGN float weights[kGroup];
-    hn::Store(weight, floats, weights);
-#pragma GCC unroll kGroup
-    for (std::size_t k = 0; k < kGroup; ++k) {
-      // What stands behind the irradiance is no float.
-      const auto row = hn::LoadU(colours, reinterpret_cast<const float*>(records[i + k]) + kE);
-      sum = hn::Add(sum, hn::Mul(hn::Set(colours, weights[k]), hn::IfThenElse(is_colour, row, one)));
-    }
+    auto blocks = hn::Mul(hn::Broadcast<0>(weight), colours_of(floats, group, 0));
+    blocks = hn::Add(blocks, hn::Mul(hn::Broadcast<1>(weight), colours_of(floats, group, 1)));
+    blocks = hn::Add(blocks, hn::Mul(hn::Broadcast<2>(weight), colours_of(floats, group, 2)));
+    blocks = hn::Add(blocks, hn::Mul(hn::Broadcast<3>(weight), colours_of(floats, group, 3)));
+    sum = hn::Add(sum, sum_of_blocks(floats, blocks));
   }
-  add_to<hn::CappedTag<double, 4>, hn::CappedTag<float, 4>>(sums, sum);
+  add_to<hn::CappedTag<double, 4>, Block>(sums, sum);
   return static_cast<std::uint32_t>(valid);
 }
 #endif

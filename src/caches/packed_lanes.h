@@ -149,15 +149,16 @@ struct LaneKernels {
   void (*weigh)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                 float* weights);
 
-  /// Adds the irradiances of n <= kWeighed records, so weighted, and their weights to `sums`: the sums of these, in
-  /// single precision and one after the other, bit for bit. Returns how many are valid. There is a record at
-  /// kWeighed - 1 more.
+  /// Adds the irradiances of n <= kWeighed records, so weighted, and their weights to `sums`: the sums of these in
+  /// single precision, of the first kSummed one after the other, of the others likewise, and then of both, bit for
+  /// bit. Returns how many are valid. There is a record at kWeighed - 1 more.
   std::uint32_t (*add)(const SurfacePoint& x, float a, const Record* const* records, std::uint32_t n,
                        WeightedSums& sums);
 };
 
-/// Most records that are weighed at once.
-inline constexpr std::uint32_t kWeighed = 8;
+/// Most records that are weighed at once, and of those so many are summed one after the other: each sum waits for the
+/// one before.
+inline constexpr std::uint32_t kWeighed = 8, kSummed = kWeighed / 2;
 
 /// Records that are shown together: the first n of them, 0 < n <= kWeighed; behind them any records.
 using ShownRecords = std::array<const Record*, kWeighed>;
@@ -209,13 +210,14 @@ inline void weigh_records_scalar(const SurfacePoint& x, float a, const Record* c
 }
 inline std::uint32_t add_records_scalar(const SurfacePoint& x, float a, const Record* const* records,
                                         std::uint32_t n, WeightedSums& sums) {
-  glm::vec4 sum(0.0f);
+  glm::vec4 halves[] = {glm::vec4(0.0f), glm::vec4(0.0f)};
   std::uint32_t valid = 0;
   for (std::uint32_t i = 0; i < n; ++i) {
     const float weight = likely_split_sphere_weight(x, *records[i], a);
-    sum += weight * glm::vec4(records[i]->E, 1.0f);
+    halves[i / kSummed] += weight * glm::vec4(records[i]->E, 1.0f);
     valid += weight > 0.0f;
   }
+  const glm::vec4 sum = halves[0] + halves[1];
   for (int i = 0; i < 4; ++i) sums[static_cast<std::size_t>(i)] += static_cast<double>(sum[i]);
   return valid;
 }

@@ -50,13 +50,6 @@ struct PackedStore {
   // What is filled of a cell's further strips, as a rule.
   static constexpr std::size_t kHintedBytes = (kCellStrips - 1) * kStripWords * sizeof(std::uint32_t) / 3 * 2;
 
-  /// Unless told, large pages are asked for where they are worth the time it takes to clear one: the memory of so many
-  /// records is several of them.
-  static LargePages large_pages(const CacheConfig& config) noexcept {
-    const bool is_small = config.large_pages == LargePages::when_large && config.capacity <= 1u << 16;
-    return is_small ? LargePages::never : config.large_pages;
-  }
-
   static constexpr std::uint32_t kMostPath = kPackedLevels + 1;
 
   /// A query on its way, and the cells on its path.
@@ -99,8 +92,8 @@ struct PackedStore {
       : addressing(config.bounds),
         a_max(config.a_max),
         sessions(config.max_sessions),
-        cells(config.capacity, sessions, kSpareRoom, large_pages(config)),
-        records(config.capacity, sessions, large_pages(config)),
+        cells(config.capacity, sessions, kSpareRoom, large_pages_of(config)),
+        records(config.capacity, sessions, large_pages_of(config)),
         list(kSpareRoom * config.capacity * kWorstListUnits + sessions * List::kIdleUnits) {}
 
   // Step bounds of queries (caches/session.h).

@@ -123,6 +123,9 @@ class SlotPool {
   /// piece behind as it takes itself.
   static constexpr std::uint32_t kWorstUnits = units_of(0) + 1;
 
+  /// Units that an item takes at least.
+  static constexpr std::uint32_t kLeastUnits = (sizeof(Mark) + sizeof(Item)) / kUnitBytes;
+
   /// Units that a session may hold without a record in them: the rest of its last two pieces, and a spare of each kind.
   static constexpr std::uint32_t kIdleUnits = 2 * kPiece + kSpareUnits;
 
@@ -143,8 +146,9 @@ class SlotPool {
     std::array<UnitIndex, kKinds> spares_{};  // set aside by lost races; zero, as allocated
   };
 
-  /// `ahead`: records that memory may be taken for beforehand.
-  explicit SlotPool(std::uint64_t units, std::uint64_t ahead = 0) : pool_(units, ahead * kWorstUnits) {}
+  /// `ahead`: items that memory may be taken for beforehand, and that are expected, as far as large pages go.
+  explicit SlotPool(std::uint64_t units, std::uint64_t ahead = 0, LargePages large_pages = LargePages::never)
+      : pool_(units, ahead * kWorstUnits, large_pages, ahead * kLeastUnits) {}
 
   /// A slot that has been handed out to one thread and is not visible yet; none is false.
   class Place {

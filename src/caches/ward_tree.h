@@ -115,8 +115,10 @@ class WardTree {
         a_max_(config.a_max),
         idle_nodes_(std::uint64_t{config.max_sessions} * kIdleNodes),
         idle_units_(std::uint64_t{config.max_sessions} * Slots::kIdleUnits),
-        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1, config.capacity),
-        slots_(kSpareRoom * config.capacity * Slots::kWorstUnits + idle_units_, config.capacity) {
+        nodes_(kSpareRoom * config.capacity * kMaxLevel + idle_nodes_ + 1, config.capacity,
+               large_pages_of(config), config.capacity / kPerNode),
+        slots_(kSpareRoom * config.capacity * Slots::kWorstUnits + idle_units_, config.capacity,
+               large_pages_of(config)) {
     nodes_.take(1);  // the root
   }
 
@@ -236,6 +238,7 @@ class WardTree {
   // anew only when these have used it up (see keep_room).
   static constexpr std::uint64_t kSpareRoom = 2;
   static constexpr std::uint32_t kNodePiece = 64;  // 4 KiB
+  static constexpr std::uint32_t kPerNode = 4;     // records that one is expected for, on large pages
   static constexpr std::uint32_t kIdleNodes =
       2 * kNodePiece + 1;  // a session's: the rest of two pieces, and a spare
   static constexpr std::size_t kUpdateGrain = 1024;

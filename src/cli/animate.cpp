@@ -14,7 +14,7 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "harness/progress.h"
 #include "image/image.h"
 #include "image/webp_animation.h"
@@ -29,16 +29,25 @@ struct AnimateOptions : FrameOptions {
   std::uint32_t frames = 0, every = 1;
 };
 
+constexpr std::string_view kPreview = "preview.webp";
 constexpr std::string_view kFormats[] = {"exr", "png", "none"};
 
 fs::path frame_path(const AnimateOptions& o, std::uint32_t frame) {
   return fs::path(o.out) / fmt::format("frame_{:04}.{}", frame, o.format);
 }
 
-/// Throws if the folder has frames that this run would leave there, among its own.
-void require_no_others(const AnimateOptions& o, const std::vector<std::uint32_t>& frames) {
-  std::set<fs::path> ours;
+/// What is written to the folder.
+std::set<fs::path> files_of(const AnimateOptions& o, const std::vector<std::uint32_t>& frames) {
+  std::set<fs::path> ours{fs::path(o.out) / kPreview};
   for (const std::uint32_t frame : frames) ours.insert(frame_path(o, frame));
+  return ours;
+}
+
+/// Throws if the folder has frames that this run would leave there, among its own, or if figures would end in one.
+void require_no_others(const AnimateOptions& o, const std::set<fs::path>& ours) {
+  const fs::path in_folder = fs::path(o.out) / fs::path(o.json).filename();
+  if (ours.contains(in_folder) && is_same_file(o.json, in_folder))
+    throw std::runtime_error(fmt::format("--json '{}' is a file of --out too; name another", o.json));
   std::error_code error;
   for (fs::directory_iterator it(o.out, error), end; !error && it != end; it.increment(error)) {
     const std::string name = it->path().filename().string(), extension = it->path().extension().string();
@@ -58,7 +67,7 @@ void prepare_folder(const std::string& out) {
     throw std::runtime_error(
         fmt::format("--out '{}': cannot make this folder; name one that can be written", out));
   }
-  require_writable("--out", fs::path(out) / "preview.webp");
+  require_writable("--out", fs::path(out) / kPreview);
 }
 
 void add(FrameCost& sum, const FrameCost& cost) {
@@ -94,17 +103,25 @@ void animate_command(const AnimateOptions& o) {
   std::vector<std::uint32_t> rendered;
   for (std::uint32_t frame = 0; frame < frames; frame += std::min(o.every, std::max(frames - 1 - frame, 1u)))
     rendered.push_back(frame);
+  const std::set<fs::path> ours = keeps ? files_of(o, rendered) : std::set<fs::path>();
   if (keeps) {
     prepare_folder(o.out);
-    require_no_others(o, rendered);
+    require_no_others(o, ours);
   }
 
   setup.tell_notes();
+  if (!keeps && o.given_to->count("--exposure") > 0)
+    tell_without_effect("icbench", "--exposure", "without pictures");
   Progress progress("animate", static_cast<double>(rendered.size()) * frame_work(setup.request()));
   setup.request().progress = [&](double work) { progress.advance(work); };
   FrameRenderer renderer(setup.request());
   std::optional<WebpAnimation> preview;
-  if (keeps) preview.emplace(setup.request().width, setup.request().height, o.exposure);
+  if (keeps) {
+    preview.emplace(setup.request().width, setup.request().height, o.exposure);
+    // Those of an earlier run, or a killed one would leave frames of two animations.
+    std::error_code none;
+    for (const fs::path& file : ours) fs::remove(file, none);
+  }
 
   FrameCost total;
   nlohmann::ordered_json per_frame = nlohmann::ordered_json::array();
@@ -117,14 +134,15 @@ void animate_command(const AnimateOptions& o) {
     add(total, cost);
     add_cost(per_frame.emplace_back(nlohmann::ordered_json{{"frame", frame}}), integrator, cost);
   }
-  if (keeps) preview->write(fs::path(o.out) / "preview.webp");
+  if (keeps) preview->write(fs::path(o.out) / kPreview);
   nlohmann::ordered_json json = setup.asked();
   json["frame_count"] = rendered.size();
   add_cost(json, integrator, total);
   json["frames"] = std::move(per_frame);
-  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  if (!o.json.empty()) write_json(o.json, json);
   fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
              keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
+  require_room(setup.request(), total.pass.use);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -20,7 +21,8 @@
 
 #include "cli/options.h"
 #include "core/names.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
+#include "files/memory.h"
 #include "image/image.h"
 #include "image/metrics/flicker.h"
 #include "image/metrics/registry.h"
@@ -69,8 +71,14 @@ std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
   return found;
 }
 
+/// What tells a frame from the others of its folder: its name behind frame_, without leading zeros.
+std::string number_of(const fs::path& frame) {
+  const std::string text = frame.stem().string().substr(std::string_view("frame_").size());
+  return text.substr(std::min(text.find_first_not_of('0'), text.size()));
+}
+
 /// The images named frame_*.exr in a folder, or where there are none frame_*.png; in the order of their
-/// names, shorter ones first so that numbers need no leading zeros.
+/// numbers.
 std::vector<fs::path> frames_of(const std::string& folder) {
   std::vector<fs::path> frames;
   for (const char* extension : {".exr", ".png"}) {
@@ -90,7 +98,7 @@ std::vector<fs::path> frames_of(const std::string& folder) {
         folder));
   }
   std::sort(frames.begin(), frames.end(), [](const fs::path& a, const fs::path& b) {
-    const std::string x = a.filename().string(), y = b.filename().string();
+    const std::string x = number_of(a), y = number_of(b);
     return std::tuple(x.size(), x) < std::tuple(y.size(), y);
   });
   return frames;
@@ -114,15 +122,40 @@ void make_folder(const fs::path& path) {
 /// Figures of one pair of images, named "metric" or "metric.part".
 struct Figure {
   std::string_view metric, part;
-  double value;
+  std::optional<double> value;
 
   std::string name() const { return fmt::format("{}{}{}", metric, part.empty() ? "" : ".", part); }
+  std::string text(int digits) const { return value ? fmt::format("{:.{}g}", *value, digits) : "none"; }
 };
 
 void put(Json& json, const Figure& figure) {
   Json& place = json[std::string(figure.metric)];
-  (figure.part.empty() ? place : place[std::string(figure.part)]) = figure.value;
+  (figure.part.empty() ? place : place[std::string(figure.part)]) =
+      figure.value ? Json(*figure.value) : Json();
 }
+
+/// Throws if a figure is none of this world's numbers.
+void require_finite(const Figure& figure) {
+  if (figure.value && !std::isfinite(*figure.value))
+    throw std::runtime_error(fmt::format("{}: the values are too large to compare", figure.name()));
+}
+
+/// Means over frames of a figure, of those frames that have it.
+struct MeanFigure {
+  Figure figure;
+  int frames = 0;
+
+  void add(const Figure& one) {
+    if (!one.value) return;
+    figure.value = figure.value.value_or(0.0) + *one.value;
+    ++frames;
+  }
+  Figure mean() const {
+    Figure out = figure;
+    if (out.value) *out.value /= frames;
+    return out;
+  }
+};
 
 /// Where the maps of one pair of images go: one file, less its extension, for each metric; empty for none.
 using MapPlace = std::function<fs::path(const Metric&)>;
@@ -135,10 +168,8 @@ std::vector<Figure> figures_of(const Image& reference, const Image& image,
     Image map;
     const bool is_mapped = metric->has_map && map_place;
     for (const MetricValue& part : metric->compute(reference, image, is_mapped ? &map : nullptr, viewing)) {
-      if (!std::isfinite(part.value)) {
-        throw std::runtime_error(fmt::format("{}: the values are too large to compare", metric->name));
-      }
       figures.push_back({metric->name, part.name, part.value});
+      require_finite(figures.back());
     }
     if (!is_mapped) continue;
     const std::string place = map_place(*metric).string();
@@ -166,37 +197,71 @@ Json heading(const CompareOptions& options, const Image& reference) {
           {"viewing", viewing_json(options.viewing)}};
 }
 
-Json compare_images(const CompareOptions& options, const std::vector<const Metric*>& metrics) {
-  const Image reference = read_image(options.reference);
-  const Image image = read_image(options.image);
-  MapPlace map_place;
-  if (!options.map.empty()) {
-    make_folder(options.map);
-    map_place = [&](const Metric& metric) { return fs::path(options.map) / metric.name; };
-    for (const Metric* metric : metrics) {
-      if (!metric->has_map) continue;
-      for (const char* extension : {".exr", ".png"}) {
-        require_apart({{"--map", map_place(*metric).string() + extension}},
-                      {{"A", options.reference}, {"B", options.image}});
+/// Throws unless there is memory for the images and for the metric that takes most.
+void require_memory_for(const Image& reference, const std::vector<const Metric*>& metrics) {
+  int most = 0;
+  for (const Metric* metric : metrics) most = std::max(most, metric->bytes);
+  require_memory(fmt::format("comparing images of {} x {}", reference.width, reference.height),
+                 reference.pixels.size() * static_cast<std::uint64_t>(most));
+}
+
+/// Throws if figures would end in a frame, or maps in a folder of frames.
+void require_folders_apart(const CompareOptions& options, const std::vector<const Metric*>& metrics,
+                           const std::vector<fs::path>& references, const std::vector<fs::path>& images) {
+  for (const auto& [name, frames] : {std::pair{"A", &references}, std::pair{"B", &images}})
+    for (const fs::path& frame : *frames) require_apart({{"--json", options.json}}, {{name, frame}});
+  if (options.map.empty()) return;
+  for (const Metric* metric : metrics) {
+    const fs::path folder = fs::path(options.map) / metric->name;
+    for (const std::string& frames : {options.reference, options.image}) {
+      std::error_code none;
+      if (metric->has_map && fs::equivalent(folder, frames, none)) {
+        throw std::runtime_error(
+            fmt::format("--map '{}' would put maps of {} among the frames of '{}'; name another", options.map,
+                        metric->name, frames));
       }
     }
   }
+}
+
+Json compare_images(const CompareOptions& options, const std::vector<const Metric*>& metrics, bool prints) {
+  std::vector<GivenFile> written = {{"--json", options.json}};
+  MapPlace map_place;
+  if (!options.map.empty()) {
+    map_place = [&](const Metric& metric) { return fs::path(options.map) / metric.name; };
+    for (const Metric* metric : metrics) {
+      for (const char* extension : {".exr", ".png"})
+        if (metric->has_map) written.push_back({"--map", map_place(*metric).string() + extension});
+    }
+  }
+  require_apart(written, {{"A", options.reference}, {"B", options.image}});
+  const Image reference = read_image(options.reference);
+  require_memory_for(reference, metrics);
+  const Image image = read_image(options.image);
+  if (!options.map.empty()) make_folder(options.map);
   Json json = heading(options, reference);
   for (const Figure& figure : figures_of(reference, image, metrics, options.viewing, map_place)) {
-    fmt::print("{} {:.9g}\n", figure.name(), figure.value);
+    if (prints) fmt::print("{} {}\n", figure.name(), figure.text(9));
     put(json, figure);
   }
   return json;
 }
 
 /// Frame by frame, two images and a difference in memory.
-Json compare_folders(const CompareOptions& options, const std::vector<const Metric*>& metrics) {
+Json compare_folders(const CompareOptions& options, const std::vector<const Metric*>& metrics, bool prints) {
   const std::vector<fs::path> references = frames_of(options.reference), images = frames_of(options.image);
   if (references.size() != images.size()) {
     throw std::runtime_error(
         fmt::format("the folders '{}' and '{}' hold {} and {} frames; they must hold the same",
                     options.reference, options.image, references.size(), images.size()));
   }
+  for (std::size_t i = 0; i < references.size(); ++i) {
+    if (number_of(references[i]) == number_of(images[i])) continue;
+    throw std::runtime_error(
+        fmt::format("'{}' and '{}' are no frame of one number; the folders must hold the same frames",
+                    references[i].string(), images[i].string()));
+  }
+  require_folders_apart(options, metrics, references, images);
   if (!options.map.empty()) {
     make_folder(options.map);
     for (const Metric* metric : metrics) {
@@ -205,10 +270,11 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
   }
 
   Json json, frames = Json::array();
-  std::vector<Figure> totals;
+  std::vector<MeanFigure> means;
   Flicker flicker;
   for (std::size_t i = 0; i < references.size(); ++i) {
     const Image reference = read_image(references[i]);
+    if (i == 0) require_memory_for(reference, metrics);
     const Image image = read_image(images[i]);
     if (i == 0) json = heading(options, reference);
     MapPlace map_place;
@@ -228,24 +294,20 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
     std::string line = images[i].filename().string();
     for (std::size_t f = 0; f < figures.size(); ++f) {
       put(frame, figures[f]);
-      line += fmt::format("  {} {:.6g}", figures[f].name(), figures[f].value);
-      if (i == 0) {
-        totals.push_back(figures[f]);
-      } else {
-        totals[f].value += figures[f].value;
-      }
+      line += fmt::format("  {} {}", figures[f].name(), figures[f].text(6));
+      if (i == 0) means.push_back({{figures[f].metric, figures[f].part, {}}});
+      means[f].add(figures[f]);
     }
-    fmt::print("{}\n", line);
+    if (prints) fmt::print("{}\n", line);
     frames.push_back(std::move(frame));
   }
 
-  for (Figure& total : totals) total.value /= static_cast<double>(references.size());
+  std::vector<Figure> totals;
+  for (const MeanFigure& mean : means) totals.push_back(mean.mean());
   totals.push_back({"flicker", "", flicker.value()});
   for (const Figure& total : totals) {
-    if (!std::isfinite(total.value)) {
-      throw std::runtime_error(fmt::format("{}: the values are too large to compare", total.name()));
-    }
-    fmt::print("{} {:.9g}\n", total.name(), total.value);
+    require_finite(total);
+    if (prints) fmt::print("{} {}\n", total.name(), total.text(9));
     put(json, total);
   }
   json["frames"] = std::move(frames);
@@ -263,9 +325,15 @@ void compare(const CompareOptions& options) {
     throw std::runtime_error(fmt::format("'{}' and '{}' must be two images or two folders of frames",
                                          options.reference, options.image));
   }
-  const Json json = is_folder ? compare_folders(options, metrics) : compare_images(options, metrics);
+  // Standard output may be where the JSON goes.
+  const bool prints = options.json.empty() || !is_written_in_place(options.json);
+  const Json json =
+      is_folder ? compare_folders(options, metrics, prints) : compare_images(options, metrics, prints);
   tell_viewing_without_effect(options, metrics);
-  if (!options.json.empty()) write_file(options.json, json.dump(2) + "\n");
+  const auto has_map = [](const Metric* metric) { return metric->has_map; };
+  if (!options.map.empty() && std::none_of(metrics.begin(), metrics.end(), has_map))
+    tell_without_effect("icbench", "--map", "on metrics without maps");
+  if (!options.json.empty()) write_json(options.json, json);
 }
 
 double parse_number(const std::string& option, std::string_view text) {
@@ -347,11 +415,12 @@ void add_compare(CLI::App& app) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();
-  command->add_option("--json", options->json, "Write the figures to this file")->type_name("FILE");
+  add_file(command, "--json", options->json, "Write the figures to this file");
   command
       ->add_option("--map", options->map,
                    "Write error maps into this folder: METRIC.exr, coloured\nones as METRIC.png too; of "
                    "folders METRIC/FRAME.exr")
+      ->check(is_named)
       ->type_name("FOLDER");
   add_viewing(command, options->viewing);
   options->given_to = command;

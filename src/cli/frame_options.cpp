@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <vector>
 
+#include "cli/command.h"
 #include "cli/options.h"
+#include "files/memory.h"
 #include "scene/registry.h"
-#include "workload/memory.h"
 #include "workload/names.h"
 
 namespace icbench {
@@ -27,6 +28,7 @@ struct ParticularOption {
   bool (*is_used_by)(const IntegratorEntry&);
 };
 
+bool adds_direct_light(const IntegratorEntry& i) { return i.name != "path"; }  // whose paths have it
 bool uses_vpls(const IntegratorEntry& i) { return i.uses_vpls; }
 bool uses_cells(const IntegratorEntry& i) { return i.uses_cells; }
 bool uses_cache(const IntegratorEntry& i) { return i.needs_cache(); }
@@ -36,7 +38,7 @@ constexpr ParticularOption kParticularOptions[] = {
     {"--cache", uses_cache},         {"--accuracy", uses_cache},      {"--interpolation", uses_cache},
     {"--deterministic", uses_cache}, {"--overture", uses_cache},      {"--rays", gathers_hemispheres},
     {"--leak-guard", uses_cache},    {"--no-leak-guard", uses_cache}, {"--vpls", uses_vpls},
-    {"--cell-size", uses_cells},     {"--paths", uses_cells}};
+    {"--cell-size", uses_cells},     {"--paths", uses_cells},         {"--light-samples", adds_direct_light}};
 
 void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry& integrator) {
   if (o.given_to == nullptr) return;
@@ -91,13 +93,15 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
   app->add_flag("--deterministic", o.deterministic,
-                "The same picture and records for any number of threads and\nany cache");
+                "The same picture and records for any number of threads and\nany cache that has room; status "
+                "1 where it "
+                "has not");
   app->add_flag("--overture", o.overture, "Make all records of a cache first, then the picture");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
   add_positive(app, "--exposure", o.exposure, 1e6f,
                "Not for EXR: radiance is multiplied by this, then 1 is white");
-  app->add_option("--json", o.json, "Also write what it cost to this file")->type_name("FILE");
+  add_file(app, "--json", o.json, "Also write what it cost to this file");
 }
 
 FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
@@ -128,6 +132,11 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
   team_ = std::make_unique<ThreadTeam>(topology, placement, threads);
   Scene scene = make_scene(o.scene, &notes_);
   rays_ = std::make_unique<RayTracer>(std::move(scene));
+  if (const std::size_t dropped = rays_->scene().dropped_triangles; dropped != 0) {
+    notes_.push_back(
+        fmt::format("{} triangle{} without a surface, or too small beside the whole scene, left out", dropped,
+                    dropped == 1 ? "" : "s"));
+  }
   request_ =
       std::make_unique<FrameRequest>(FrameRequest{*rays_,  *team_,          integrator, cache,
                                                   width,   height,          o.spp,      light_samples_of(o),
@@ -150,8 +159,8 @@ nlohmann::ordered_json FrameSetup::asked() const {
                               {"width", r.width},
                               {"height", r.height},
                               {"spp", r.spp},
-                              {"light_samples", r.light_samples},
                               {"seed", r.seed}};
+  if (adds_direct_light(r.integrator)) j["light_samples"] = r.light_samples;
   if (r.integrator.needs_cache()) {
     j["cache"] = options_.cache;
     j["accuracy"] = shortest_decimal(r.a);
@@ -170,6 +179,14 @@ nlohmann::ordered_json FrameSetup::asked() const {
     j["rays_per_record"] = r.gather;
   }
   return j;
+}
+
+void require_room(const FrameRequest& request, const CacheUse& use) {
+  if (!request.deterministic || !request.integrator.needs_cache() || use.full == 0) return;
+  throw CheckFailed(
+      fmt::format("{} records found no room in the cache, so the picture depends on the threads in spite of "
+                  "--deterministic; take a coarser --accuracy or fewer --spp",
+                  use.full));
 }
 
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost) {

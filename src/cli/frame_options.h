@@ -56,6 +56,9 @@ class FrameSetup {
   std::vector<std::string> notes_;
 };
 
+/// Throws CheckFailed if --deterministic could not be kept: records found no room in the cache, and which did was chance.
+void require_room(const FrameRequest& request, const CacheUse& use);
+
 /// Adds the figures of a frame, or of several together, to `j`; those that the integrator has.
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost);
 

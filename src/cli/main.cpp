@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <cctype>
-#include <csignal>
 #include <cstdio>
 #include <iostream>
 
 #include "cli/command.h"
 #include "core/names.h"
+#include "files/output_file.h"
 #include "harness/build_info.h"
 
 namespace icbench {
@@ -152,7 +152,6 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   icbench::occupy_standard_streams();
-  std::signal(SIGXFSZ,
-              SIG_IGN);  // past a limit on file sizes, writing fails and is reported like a full disk
+  icbench::survive_file_size_limits();
   return icbench::run(argc, argv);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <limits.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -19,6 +20,7 @@
 #include <vector>
 
 #include "core/names.h"
+#include "files/output_file.h"
 #include "harness/topology.h"
 
 namespace icbench {
@@ -34,6 +36,9 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
     begin = end + 1;
   }
 }
+
+/// A hash as results hold it: a file may change under its name, and what was measured of it before is then of another.
+inline std::string key_text(std::uint64_t key) { return fmt::format("{:016x}", key); }
 
 /// A placement by its name, the nearest match offered for an unknown one.
 inline Placement placement_of(std::string_view name) {
@@ -118,6 +123,16 @@ inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& 
       ->default_str(fmt::to_string(value));
 }
 
+/// Refuses an empty name, as a variable that a script has not set gives it: what was asked for would be left out.
+inline const CLI::Validator is_named(
+    [](const std::string& name) { return name.empty() ? std::string("needs a name") : std::string(); }, "");
+
+/// An option for a file that is left out unless it is given; `path` must outlive the parsing.
+inline CLI::Option* add_file(CLI::App* app, const std::string& name, std::string& path,
+                             const std::string& help) {
+  return app->add_option(name, path, help)->check(is_named)->type_name("FILE");
+}
+
 /// Names an option on standard error that was given and has no effect `where`; bad usage is to be told before, in one
 /// line.
 inline void tell_without_effect(std::string_view program, std::string_view option, std::string_view where) {
@@ -136,11 +151,18 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
   if (!std::filesystem::is_directory(folder, none)) {
     refuse(fmt::format("there is no folder '{}'; make it first", folder.string()));
   }
+  // A regular file is replaced by another that is written beside it (files/output_file.h).
   const bool is_there = std::filesystem::exists(path, none);
+  const bool is_replaced = !is_there || std::filesystem::is_regular_file(path, none);
+  const std::filesystem::path target =
+      std::filesystem::is_symlink(path, none) ? std::filesystem::weakly_canonical(path, none) : path;
+  const std::filesystem::path place = target.has_parent_path() ? target.parent_path() : ".";
   if ((is_there && access(path.c_str(), W_OK) != 0) ||
-      (!is_there && access(folder.c_str(), W_OK | X_OK) != 0)) {
+      (is_replaced && access(place.c_str(), W_OK | X_OK) != 0)) {
     refuse("no permission to write there; choose another place");
   }
+  if (is_replaced && target.filename().native().size() + kTemporaryAddition > NAME_MAX)
+    refuse(fmt::format("this name is too long; {} characters at most", NAME_MAX - kTemporaryAddition));
 }
 
 /// A file by the option or argument that names it; none if the path is empty.

@@ -13,12 +13,12 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
+#include "files/memory.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
 #include "image/metrics/flip.h"
-#include "workload/memory.h"
 
 namespace icbench {
 namespace {
@@ -34,6 +34,7 @@ struct ParetoOptions {
   std::uint32_t reference_spp = 1024, frame = 0;
   std::uint64_t seed = 1;
   bool resume = false;
+  const CLI::App* given_to = nullptr;
 };
 
 /// Samples of `path` whose times are the budgets for which pictures are written.
@@ -150,7 +151,7 @@ void write_images(const ParetoOptions& o, ParetoStudy& study, const std::vector<
     }
     index["budgets"].push_back({{"spp", budget}, {"seconds", seconds}, {"pictures", pictures}});
   }
-  write_file(folder / "images.json", index.dump(2) + "\n");
+  write_json(folder / "images.json", index);
 }
 
 /// Throws unless pictures can be made and put there.
@@ -177,6 +178,8 @@ void pareto_command(const ParetoOptions& o) {
   }
   const std::vector<const ParetoMethod*> methods = methods_of(o.methods);
   const std::vector<ParetoPoint> points = pareto_points(methods, o.grid == "coarse");
+  require_apart({{"--out", o.out}, {"--images", o.images.empty() ? "" : fs::path(o.images) / "images.json"}},
+                {{"--scene", o.scene}});
   if (!o.images.empty()) prepare_images(o, points);
   FrameOptions frame;
   frame.scene = o.scene;
@@ -194,6 +197,9 @@ void pareto_command(const ParetoOptions& o) {
   require_memory(fmt::format("{} settings at {}", points.size(), o.size),
                  pareto_bytes(request, points.size()));
   setup.tell_notes();
+  const auto uses_cache = [](const ParetoMethod* m) { return m->integrator.needs_cache(); };
+  if (o.given_to->count("--cache") > 0 && std::none_of(methods.begin(), methods.end(), uses_cache))
+    tell_without_effect("icbench", "--cache", "on these methods");
 
   const Topology topology = Topology::of_this_process();
   const unsigned threads = setup.request().team.size();
@@ -207,6 +213,7 @@ void pareto_command(const ParetoOptions& o) {
   for (const ParetoPoint& p : points) settings.push_back(fmt::format("{}/{}", p.method->name, setting_of(p)));
   const Json configuration{{"command", "pareto"},
                            {"scene", o.scene},
+                           {"scene_key", key_text(picture_key(setup.rays().scene(), o.frame))},
                            {"size", o.size},
                            {"settings", settings},
                            {"cache", o.cache},
@@ -256,6 +263,7 @@ void add_pareto(CLI::App& app) {
       app.add_subcommand("pareto",
                          "Measure speed against error of every method over its parameters.\n"
                          "relMSE is of pictures scaled by 1 / mean luminance of the reference.");
+  o->given_to = pareto;
   const auto add_text = [&](const char* name, std::string& value, const char* help) {
     return pareto->add_option(name, value, help)->capture_default_str();
   };

@@ -8,10 +8,10 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
+#include "files/memory.h"
 #include "harness/progress.h"
 #include "image/image.h"
-#include "workload/memory.h"
 #include "workload/names.h"
 
 namespace icbench {
@@ -64,23 +64,30 @@ void add_residual(nlohmann::ordered_json& j, const RenderOptions& o, const Frame
   const ResidualFigures& f = *cost.residual;
   j["residual_share"] = shortest_decimal(o.residual);
   j["residual_samples"] = f.samples;
-  j["residual_mean"] = f.all.mean;
-  j["residual_standard_error"] = f.all.error;
-  j["residual_mean_share"] = share(f.all.mean, f.cached);
-  j["residual_standard_error_share"] = share(f.all.error, f.cached);
+  // Where no pixel was drawn nothing is known, which is not 0.
+  const auto known = [](double value, std::uint64_t samples) {
+    return samples != 0 ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+  };
+  const auto known_share = [&](double value, double of) {
+    return f.samples != 0 ? share(value, of) : nlohmann::ordered_json();
+  };
+  j["residual_mean"] = known(f.all.mean, f.samples);
+  j["residual_standard_error"] = known(f.all.error, f.samples);
+  j["residual_mean_share"] = known_share(f.all.mean, f.cached);
+  j["residual_standard_error_share"] = known_share(f.all.error, f.cached);
   for (std::size_t c = 0; c < 3; ++c) {
-    j["residual_mean_rgb"].push_back(f.rgb[c].mean);
-    j["residual_standard_error_rgb"].push_back(f.rgb[c].error);
-    j["residual_mean_share_rgb"].push_back(share(f.rgb[c].mean, f.cached_rgb[c]));
-    j["residual_standard_error_share_rgb"].push_back(share(f.rgb[c].error, f.cached_rgb[c]));
+    j["residual_mean_rgb"].push_back(known(f.rgb[c].mean, f.samples));
+    j["residual_standard_error_rgb"].push_back(known(f.rgb[c].error, f.samples));
+    j["residual_mean_share_rgb"].push_back(known_share(f.rgb[c].mean, f.cached_rgb[c]));
+    j["residual_standard_error_share_rgb"].push_back(known_share(f.rgb[c].error, f.cached_rgb[c]));
   }
-  j["residual_mean_square"] = f.square.mean;
-  j["residual_mean_square_standard_error"] = f.square.error;
+  j["residual_mean_square"] = known(f.square.mean, f.samples);
+  j["residual_mean_square_standard_error"] = known(f.square.error, f.samples);
   nlohmann::ordered_json& blocks = j["residual_blocks"];
-  blocks = {{"edge", f.edge}, {"columns", f.columns}, {"rows", f.rows}};
-  for (const MeanWithError& block : f.blocks) {
-    blocks["mean"].push_back(block.mean);
-    blocks["standard_error"].push_back(block.error);
+  blocks = {{"edge", f.edge}, {"columns", f.columns}, {"rows", f.rows}, {"samples", f.block_samples}};
+  for (std::size_t i = 0; i < f.blocks.size(); ++i) {
+    blocks["mean"].push_back(known(f.blocks[i].mean, f.block_samples[i]));
+    blocks["standard_error"].push_back(known(f.blocks[i].error, f.block_samples[i]));
   }
   j["indirect_mean"] = f.cached;
   j["residual_seconds"] = cost.seconds_residual;
@@ -89,6 +96,8 @@ void add_residual(nlohmann::ordered_json& j, const RenderOptions& o, const Frame
 }
 
 std::string told(const ResidualFigures& f) {
+  if (f.samples == 0)
+    return "true less rendered indirect light: not known, no pixel was drawn; ask for a larger --residual\n";
   const std::string of_mean = f.cached > 0.0
                                   ? fmt::format(" ({:+.3g} % +- {:.2g} % of the pass's mean)",
                                                 100.0 * f.all.mean / f.cached, 100.0 * f.all.error / f.cached)
@@ -158,6 +167,8 @@ void render_command(const RenderOptions& o) {
   FrameRenderer renderer(setup.request());
   require_plain_records(o, renderer);
   setup.tell_notes();
+  if (extension_of(o.out) == ".exr" && o.given_to->count("--exposure") > 0)
+    tell_without_effect("icbench", "--exposure", "on EXR pictures");
   const FrameCost cost = renderer.render(o.frame);
   Image picture = renderer.picture();
   if (o.is_unbiased) renderer.add_residual(picture);
@@ -175,11 +186,12 @@ void render_command(const RenderOptions& o) {
   if (!o.load_cache.empty()) json["records_loaded"] = cost.records_taken;
   if (cost.residual) add_residual(json, o, cost);
   json["image"] = std::filesystem::path(o.out).filename().string();
-  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  if (!o.json.empty()) write_json(o.json, json);
   fmt::print("{}: {:.2f} s, {:.1f} million rays a second{}\n", o.out, cost.seconds,
              1e-6 * static_cast<double>(cost.rays.total()) / cost.seconds,
              integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
   if (cost.residual) fmt::print("{}", told(*cost.residual));
+  require_room(setup.request(), cost.pass.use);
 }
 
 }  // namespace
@@ -193,21 +205,16 @@ void add_render(CLI::App& app) {
   render->add_option("--out", o->out, "Picture: .exr (exact) or .png (for viewing)")
       ->capture_default_str()
       ->type_name("FILE");
-  render
-      ->add_option("--load-cache", o->load_cache,
-                   "Begin with the records of this file: of the same scene and\nframe, from any camera")
-      ->type_name("FILE");
-  render->add_option("--save-cache", o->save_cache, "Keep the records that were made, for --load-cache")
-      ->type_name("FILE");
+  add_file(render, "--load-cache", o->load_cache,
+           "Begin with the records of this file: of the same scene and\nframe, from any camera");
+  add_file(render, "--save-cache", o->save_cache, "Keep the records that were made, for --load-cache");
   add_positive(render, "--residual", o->residual, 1.0f,
                "Also path trace this share of the pixels, chosen at random, to\nmeasure the bias of the "
                "indirect light")
       ->type_name("SHARE")
       ->default_str("");
-  render
-      ->add_option("--residual-out", o->residual_out,
-                   "Write true less rendered light, to add to the picture: .exr, with\nnegative values")
-      ->type_name("FILE");
+  add_file(render, "--residual-out", o->residual_out,
+           "Write true less rendered light, to add to the picture: .exr, with\nnegative values");
   render->add_flag("--unbiased", o->is_unbiased,
                    "Add it to --out: unbiased in every pixel, noisier, with negative\nvalues; .exr only");
   render->callback([o] { render_command(*o); });

@@ -14,10 +14,10 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
+#include "files/memory.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
-#include "workload/memory.h"
 
 namespace icbench {
 namespace {
@@ -98,6 +98,7 @@ void print_summary(const std::vector<Json>& rows) {
 void repeatability_command(const RepeatabilityOptions& o) {
   require_cached(o.frame.integrator);
   const std::vector<const CacheEntry*> caches = caches_of(o.caches);
+  require_apart({{"--out", o.out}}, {{"--scene", o.frame.scene}});
   FrameOptions frame = o.frame;
   frame.threads = 1;  // of what all teams share
   FrameSetup setup(frame);
@@ -129,6 +130,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
   configuration.erase("cache");
   configuration.erase("light_samples");
   configuration.update(Json{{"command", "repeatability"},
+                            {"scene_key", key_text(picture_key(setup.rays().scene(), o.number))},
                             {"caches", names},
                             {"thread_counts", threads},
                             {"placement", o.frame.placement},

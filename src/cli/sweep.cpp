@@ -12,7 +12,7 @@
 
 #include "cli/command.h"
 #include "cli/options.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "harness/environment.h"
 #include "harness/perf_counters.h"
 #include "harness/progress.h"
@@ -57,10 +57,12 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   request.placement = placement_of(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
-  request.latency_every = o.latency_every;
+  request.latency_every = o.breakdown ? 1 : o.latency_every;  // every operation is timed then
   request.reference_spp = o.reference_spp;
   request.breakdown = o.breakdown;
   require_distinct("--caches", request.caches);
+  for (WorkloadSpec& w : request.workloads)
+    if (w.kind == WorkloadKind::trace) w.checksum = trace_checksum(w);
   std::vector<std::string> names;
   for (const WorkloadSpec& w : request.workloads) names.push_back(w.name);
   require_distinct("--workloads", names);
@@ -82,10 +84,21 @@ nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::o
                                 {"reference_spp", r.reference_spp},
                                 {"environment", environment_identity(environment)}};
   if (r.breakdown) out["breakdown"] = true;
-  // A file may change under its name.
   for (const WorkloadSpec& w : r.workloads)
-    if (w.kind == WorkloadKind::trace) out["traces"][w.name] = fmt::format("{:016x}", trace_checksum(w));
+    if (w.kind == WorkloadKind::trace) out["traces"][w.name] = key_text(w.checksum);
   return out;
+}
+
+void tell_options_without_effect(const SweepOptions& o, const SweepRequest& request) {
+  const auto is_given = [&](const char* option) { return o.given_to->count(option) > 0; };
+  if (o.timeline.empty() && is_given("--timeline-events"))
+    tell_without_effect("icbench", "--timeline-events", "without --timeline");
+  if (o.breakdown && is_given("--latency-every"))
+    tell_without_effect("icbench", "--latency-every", "with --breakdown, which times every operation");
+  const auto is_rendered = [](const WorkloadSpec& w) { return w.kind == WorkloadKind::ray_traced; };
+  if (is_given("--reference-spp") &&
+      std::none_of(request.workloads.begin(), request.workloads.end(), is_rendered))
+    tell_without_effect("icbench", "--reference-spp", "without a ray-traced workload");
 }
 
 /// The timeline of a trial, of its own point: nobody else's options decide what is drawn.
@@ -95,10 +108,7 @@ void write_timeline(const SweepOptions& o, const Sweep& sweep, const SweepPoint&
                                   {"cache", point.cache_name()},
                                   {"wall_ms", entry.real_time},
                                   {"command_line", command_line()}};
-  const std::string text =
-      timeline.to_json(entry.name, about).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) +
-      "\n";
-  write_file(o.timeline, text);
+  write_json(o.timeline, timeline.to_json(entry.name, about), -1);
 }
 
 /// Runs a trial for its time alone.
@@ -192,8 +202,7 @@ void sweep_command(const SweepOptions& o) {
   }
   // Before anything is measured, so that a bad path or another configuration is told at once.
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
-  if (o.timeline.empty() && o.given_to->count("--timeline-events") > 0)
-    tell_without_effect("icbench", "--timeline-events", "without --timeline");
+  tell_options_without_effect(o, request);
 
   std::size_t trials = 0;
   for (std::size_t w = 0; w < request.workloads.size(); ++w)
@@ -283,8 +292,10 @@ void add_sweep(CLI::App& app) {
       ->type_name("FILE")
       ->capture_default_str();
   sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
-  sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
-  sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing");
+  CLI::Option* dry_run =
+      sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
+  sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing")
+      ->excludes(dry_run);
   o->given_to = sweep;
   sweep->callback([o] { sweep_command(*o); });
 }

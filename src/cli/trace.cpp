@@ -8,7 +8,7 @@
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
@@ -82,7 +82,7 @@ void capture_command(const CaptureOptions& o) {
   json["bytes_per_query"] = bytes_per_query;
   json["seconds"] = seconds;
   json["frames"] = std::move(per_frame);
-  if (!o.json.empty()) write_file(o.json, json.dump(2) + "\n");
+  if (!o.json.empty()) write_json(o.json, json);
   fmt::print("{}: {} queries, {} records made, {} frame{} in {:.2f} s; {:.1f} bytes a query\n", o.out,
              writer.operations(), writer.records(), o.frames, o.frames == 1 ? "" : "s", seconds,
              bytes_per_query);
@@ -156,7 +156,7 @@ void info_command(const InfoOptions& o) {
                            {"records", f.stored},
                            {"records_digest", fmt::format("{:016x}", f.digest)}});
   }
-  if (!o.json.empty()) write_file(o.json, j.dump(2) + "\n");
+  if (!o.json.empty()) write_json(o.json, j);
   fmt::print("{}: {} by {}, {}x{} at {} spp, {} frame{}; captured with {}, {} thread{}\n", o.file, c.scene,
              c.integrator, c.width, c.height, c.spp, trace.frames.size(), trace.frames.size() == 1 ? "" : "s",
              c.cache, c.config.max_sessions, c.config.max_sessions == 1 ? "" : "s");
@@ -283,7 +283,7 @@ void add_info(CLI::App& trace) {
   const auto o = std::make_shared<InfoOptions>();
   CLI::App* info = trace.add_subcommand("info", "Tell what a trace holds");
   info->add_option("file", o->file, "The trace")->type_name("FILE")->required();
-  info->add_option("--json", o->json, "Also write it to this file, frame by frame")->type_name("FILE");
+  add_file(info, "--json", o->json, "Also write it to this file, frame by frame");
   info->callback([o] { info_command(*o); });
 }
 

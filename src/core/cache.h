@@ -90,8 +90,7 @@ struct CacheConfig {
   std::uint32_t capacity =
       1 << 20;                     ///< records that fit for certain, by one session; by several: capacity_for
   std::uint32_t max_sessions = 1;  ///< threads that will open a session
-  LargePages large_pages =
-      LargePages::when_large;  ///< of the packed octree; large is a capacity over 65,536 records
+  LargePages large_pages = LargePages::when_large;  ///< of octrees; large is a capacity over 65,536 records
 };
 
 /// Tickets for records are drawn by sessions in batches of this size (caches/session.h).
@@ -102,6 +101,13 @@ inline constexpr std::uint32_t kMaxSessions = 8192;
 
 /// Most records a cache can promise room for: pool indices are 32 bits.
 inline constexpr std::uint32_t kMaxCapacity = 1u << 26;
+
+/// Whether the memory of a cache is to be asked for on large pages: unless told, where it fills several of them, so that
+/// they are worth the time it takes to clear one.
+inline LargePages large_pages_of(const CacheConfig& config) noexcept {
+  const bool is_small = config.large_pages == LargePages::when_large && config.capacity <= 1u << 16;
+  return is_small ? LargePages::never : config.large_pages;
+}
 
 /// A capacity that holds `records` for certain, although every session may be left with tickets it does not use.
 inline std::uint32_t capacity_for(std::uint64_t records, std::uint32_t sessions) noexcept {

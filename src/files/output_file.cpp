@@ -9,6 +9,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <csignal>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -95,6 +96,8 @@ void sync_file(const Descriptor& out, const fs::path& path) {
     throw_output_error(path, errno);
 }
 
+void survive_file_size_limits() noexcept { std::signal(SIGXFSZ, SIG_IGN); }
+
 void sync_directory_of(const fs::path& file) {
   const fs::path directory = file.has_parent_path() ? file.parent_path() : fs::path(".");
   const Descriptor d(open(directory.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -121,6 +124,8 @@ void replace_file(const fs::path& file, const std::function<void(const Descripto
   const Descriptor out = open_alone(temporary, O_WRONLY, file);
   try {
     if (ftruncate(out.get(), 0) != 0) throw_output_error(file, errno);  // what a kill left behind
+    struct stat before {};
+    if (stat(target.c_str(), &before) == 0) fchmod(out.get(), before.st_mode & 0777);  // in vain if another's
     write(out);
     sync_file(out, file);
     if (rename(temporary.c_str(), target.c_str()) != 0) throw_output_error(file, errno);

@@ -17,8 +17,12 @@ void write_file(const std::filesystem::path& path, std::string_view bytes);
 
 /// Replaces a regular file at once: at any moment a reader, or a crash, finds the old or the new content, whole.
 /// `write` fills a temporary file ".<file>.icbench" beside it, which is gone if anything fails; what a kill leaves is
-/// used by the next. Symbolic links that lead to a file are followed. Throws, too, if another process is at it.
+/// used by the next. Symbolic links that lead to a file are followed, and its permissions stay. Throws, too, if
+/// another process is at it.
 void replace_file(const std::filesystem::path& file, const std::function<void(const Descriptor&)>& write);
+
+/// Characters by which the temporary file's name is longer.
+inline constexpr std::size_t kTemporaryAddition = std::string_view("..icbench").size();
 
 /// Opens a file, or creates it, that nobody else has opened so: the lock goes with the descriptor. `flags` as of
 /// open(2); `output` is for the message.
@@ -38,6 +42,10 @@ void sync_file(const Descriptor& out, const std::filesystem::path& path);
 
 /// Makes creations, renames and removals in the directory of `file` durable, where the file system can.
 void sync_directory_of(const std::filesystem::path& file);
+
+/// Makes writing past a limit on the size of files (ulimit -f) fail like a full disk; without it the process ends. For
+/// the beginning of a program.
+void survive_file_size_limits() noexcept;
 
 /// Throws the error `code` (errno) about `path`.
 [[noreturn]] void throw_output_error(const std::filesystem::path& path, int code);

@@ -25,6 +25,10 @@ nlohmann::ordered_json parse_json(std::string_view text, const fs::path& path, s
   };
   try {
     return nlohmann::ordered_json::parse(text.begin(), text.end(), keep);
+  } catch (const nlohmann::json::out_of_range&) {  // which says nothing of where
+    throw std::runtime_error(
+        fmt::format("{} is damaged: a number after byte {} is too large; move it away or drop --resume",
+                    path.string(), base));
   } catch (const nlohmann::json::parse_error& error) {
     throw std::runtime_error(
         fmt::format("{} is damaged: no valid JSON at byte {}; move it away or drop --resume", path.string(),

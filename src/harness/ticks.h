@@ -51,6 +51,11 @@ inline std::uint64_t ticks_in_order() noexcept {
 #endif
 }
 
+/// Ticks from one stamp to a later one; 0 where the counters of two processors are so far out of step that it is not.
+inline std::uint64_t ticks_between(std::uint64_t from, std::uint64_t to) noexcept {
+  return to > from ? to - from : 0;
+}
+
 struct TickRate {
   double ns_per_tick = 1.0;  ///< > 0
   double spread = 0.0;  ///< relative difference between the slowest and the fastest try: trust in ns_per_tick

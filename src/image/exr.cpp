@@ -151,6 +151,10 @@ Image decode(std::string_view bytes) {
   Image image;
   image.width = window.max.x - window.min.x + 1;
   image.height = window.max.y - window.min.y + 1;
+  // In 32 bits with wrap-round: only whether two are equal is asked.
+  const Imath::V2i whole = file.header().displayWindow().min;
+  image.left = static_cast<int>(static_cast<unsigned>(window.min.x) - static_cast<unsigned>(whole.x));
+  image.top = static_cast<int>(static_cast<unsigned>(window.min.y) - static_cast<unsigned>(whole.y));
   const std::int64_t area = std::int64_t{image.width} * image.height;
   if (area > kMaxImagePixels) {
     throw std::runtime_error(

@@ -24,6 +24,7 @@ struct Image {
   int width = 0;
   int height = 0;
   std::vector<glm::vec3> pixels;
+  int left = 0, top = 0;  ///< where in the whole picture it lies, if it was read and is a part; pixels
 };
 
 /// A black image.
@@ -54,7 +55,7 @@ struct WriteOptions {
 /// unless it is an EXR file that is said to be signed.
 void write_image(const std::filesystem::path& path, const Image& image, const WriteOptions& options = {});
 
-/// Reads .exr (scan lines; the data window; channels R G B, or Y alone as grey) or .png (any colour type;
+/// Reads .exr (scan lines; the data window, and where in the display window that lies; channels R G B, or Y alone as grey) or .png (any colour type;
 /// alpha is ignored; [0, 1]). Values of an EXR file are returned as they are, NaN and negative ones too.
 Image read_image(const std::filesystem::path& path);
 

@@ -30,11 +30,13 @@ std::uint32_t big_endian(std::string_view bytes) noexcept {
 struct PngHeader {
   std::int64_t width, height;
   int bit_depth, colour_type;
+  std::size_t palette;  // where the PLTE chunk begins; 0 without one
 };
 
 /// Checks the signature and every chunk's length and checksum up to IEND (PNG specification, section 5).
 PngHeader check_chunks(std::string_view bytes) {
   if (bytes.substr(0, kSignature.size()) != kSignature) throw std::runtime_error("not a PNG image");
+  const std::size_t size = bytes.size();
   bytes.remove_prefix(kSignature.size());
   PngHeader header{};
   for (bool first = true;; first = false) {
@@ -49,7 +51,8 @@ PngHeader check_chunks(std::string_view bytes) {
     const std::string_view type = body.substr(0, 4);
     if (first != (type == "IHDR") || (first && length != 13))
       throw std::runtime_error("the PNG header is wrong");
-    if (first) header = {big_endian(body.substr(4)), big_endian(body.substr(8)), body[12], body[13]};
+    if (first) header = {big_endian(body.substr(4)), big_endian(body.substr(8)), body[12], body[13], 0};
+    if (type == "PLTE") header.palette = size - bytes.size();
     if (type == "IEND") return header;
     bytes.remove_prefix(12 + length);
   }
@@ -69,6 +72,19 @@ void check_size(const PngHeader& header, std::size_t file_size) {
     throw std::runtime_error(fmt::format("the PNG image claims {} x {} pixels, which it cannot hold",
                                          header.width, header.height));
   }
+}
+
+/// The file with a palette of 256 colours, those that it lacks black: stb looks up any index in a table of which it has
+/// set only those that are there.
+std::string with_whole_palette(std::string_view bytes, std::size_t at) {
+  constexpr std::uint32_t kWhole = 3 * 256;
+  const std::uint32_t length = std::min(big_endian(bytes.substr(at)), kWhole);
+  std::string whole(bytes.substr(0, at + 8 + length));
+  for (std::size_t i = 0; i < 4; ++i) whole[at + i] = static_cast<char>(kWhole >> (24 - 8 * i) & 0xff);
+  whole.append(kWhole - length, '\0');
+  whole +=
+      bytes.substr(at + 8 + big_endian(bytes.substr(at)));  // its checksum, which stb skips, and the rest
+  return whole;
 }
 
 template <class Sample, class Load>
@@ -128,6 +144,8 @@ Image decode_png(std::string_view bytes) {
   if (bytes.size() > std::size_t{1} << 30) throw std::runtime_error("the PNG image is larger than 1 GiB");
   const PngHeader header = check_chunks(bytes);
   check_size(header, bytes.size());
+  std::string whole;
+  if (header.palette != 0) bytes = whole = with_whole_palette(bytes, header.palette);
   return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f)
                                 : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f);
 }

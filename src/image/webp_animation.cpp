@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "files/output_file.h"
+#include "image/codec.h"
 
 namespace icbench {
 namespace {
@@ -19,9 +20,7 @@ namespace {
 constexpr float kQuality = 80.0f;
 
 std::uint8_t srgb(float x) {
-  const float v = std::clamp(x, 0.0f, 1.0f);
-  const float coded = v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1.0f / 2.4f) - 0.055f;
-  return static_cast<std::uint8_t>(std::lround(255.0f * coded));
+  return static_cast<std::uint8_t>(std::lround(255.0f * srgb_from_linear(std::clamp(x, 0.0f, 1.0f))));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "render/gather.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <glm/geometric.hpp>
@@ -88,7 +89,8 @@ class Wave {
     Pcg32 random(key);
     const float u_elevation = low.x + cell.x * random.uniform();
     const float u_azimuth = low.y + cell.y * random.uniform();
-    const glm::vec3 d = cosine_direction(basis, u_elevation, u_azimuth);
+    // Rounding may lift the last of the last stratum to 1 and over.
+    const glm::vec3 d = cosine_direction(basis, std::min(u_elevation, kBelowOne), u_azimuth);
     if (glm::dot(d, x.ng) > 0.0f) {  // else into the surface, past a tilted shading normal: nothing arrives
       paths_[active_] = {random, glm::vec3(1.0f), 1.0f, 0.0f, 0, index};
       rays_[active_++] = {from, kInfinity, d};

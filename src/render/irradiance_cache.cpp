@@ -1,6 +1,7 @@
 #include "render/irradiance_cache.h"
 
 #include <numbers>
+#include <utility>
 
 #include "core/cache.h"
 
@@ -37,7 +38,7 @@ bool changes_light(const SceneChange& change) noexcept {
 }  // namespace
 
 RecordsThen HemisphereSource::begin_frame(const SceneChange& change, Crew&) {
-  return changes_light(change) ? RecordsThen::go : RecordsThen::stay;
+  return std::exchange(is_full_, false) || changes_light(change) ? RecordsThen::go : RecordsThen::stay;
 }
 
 Record HemisphereSource::evaluate(unsigned, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept {
@@ -94,7 +95,7 @@ RecordsThen ShapedHemisphereSource::begin_frame(const SceneChange& change, Crew&
     caustics_.find(rays_, crew, seed_);
     knows_light_ = true;
   }
-  if (stays) return RecordsThen::stay;
+  if (!std::exchange(is_full_, false) && stays) return RecordsThen::stay;
   shapes_.details.clear();
   return RecordsThen::go;
 }

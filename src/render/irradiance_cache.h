@@ -60,19 +60,22 @@ class RecordNames {
   std::uint32_t pixels_, layers_;
 };
 
-/// Records by hemisphere gathers. As a frame begins, they stay if nothing but the camera has changed, else all go.
+/// Records by hemisphere gathers. As a frame begins, they stay if nothing but the camera has changed and there is room for
+/// new ones, else all go.
 class HemisphereSource final : public RecordSource {
  public:
   HemisphereSource(const Strata& strata, const RadiusLimits& limits, const RecordNames& names) noexcept
       : strata_(strata), limits_(limits), names_(names) {}
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
+  void found_no_room() noexcept override { is_full_ = true; }
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
 
  private:
   Strata strata_;
   RadiusLimits limits_;
   RecordNames names_;
+  bool is_full_ = false;
 };
 
 /// For the records of a pass at its level of interpolation.
@@ -94,6 +97,7 @@ class ShapedHemisphereSource final : public RecordSource {
   explicit ShapedHemisphereSource(const PassSetup& setup);
 
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override;
+  void found_no_room() noexcept override { is_full_ = true; }
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override;
   void settle(unsigned thread, const Record& record, InsertResult result) noexcept override;
   RecordShapes* shapes() noexcept override { return has_details() ? &shapes_ : nullptr; }
@@ -117,6 +121,7 @@ class ShapedHemisphereSource final : public RecordSource {
   RecordShapes shapes_;
   Caustics caustics_;         // occlusion Hessian only
   bool knows_light_ = false;  // mean and caustics of the light that there is
+  bool is_full_ = false;
   std::vector<Worker> workers_;
 };
 

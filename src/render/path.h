@@ -3,7 +3,8 @@
 //
 // Paths go on through mirrors and dielectrics, reflected or refracted at random by the Fresnel term; a lamp met by way
 // of these counts fully, since no shadow ray could have found it (shadow rays are blocked by glass). Point lights are
-// found by shadow rays alone.
+// found by shadow rays alone: what they send through glass or by mirrors is lost, though light paths find it
+// (render/vpl.h).
 //
 // No bounce limit and no clamping. Written one ray after the other, apart from the gather's code, which is
 // tested against it. Random numbers depend on pixel, sample and frame alone.

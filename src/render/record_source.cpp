@@ -26,6 +26,8 @@ CacheUse& CacheUse::operator+=(const CacheUse& o) noexcept {
   return *this;
 }
 
+void RecordSource::found_no_room() noexcept {}
+
 void RecordSource::settle(unsigned, const Record&, InsertResult) noexcept {}
 
 UpdateResult RecordSource::update(Record&) noexcept { return UpdateResult::keep; }

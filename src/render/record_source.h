@@ -66,6 +66,10 @@ class RecordSource {
   /// Quiescent, once before each frame's samples; `change` is what RayTracer::go_to altered since the last call.
   virtual RecordsThen begin_frame(const SceneChange& change, Crew& crew) = 0;
 
+  /// Quiescent, before begin_frame: more than a few of the last frame's records found no room in the cache. Who keeps
+  /// records whatever happens has to make room, or it is full for ever.
+  virtual void found_no_room() noexcept;
+
   /// The record at a hit that reflects. Called by many threads at once.
   virtual Record evaluate(unsigned thread, Tracer& tracer, const Visible& x,
                           const SampleKey& key) noexcept = 0;

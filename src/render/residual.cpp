@@ -18,6 +18,7 @@ void ResidualEstimator::Sums::add(double d0, double d1, double q) noexcept {
   const double Y = (d0 + d1) / (2.0 * q);
   y += Y;
   variance += Y * Y - d0 * d1 / q;
+  ++drawn;
 }
 
 MeanWithError ResidualEstimator::Sums::over(double n) const noexcept {
@@ -132,6 +133,7 @@ ResidualFigures ResidualEstimator::figures() const {
                 high = std::min(edge_, height_ - row * edge_);
       const Sums& block = blocks_[out.blocks.size()];
       out.blocks.push_back(block.over(static_cast<double>(samples_) * wide * high));
+      out.block_samples.push_back(kPaths * block.drawn);
     }
   return out;
 }

@@ -47,6 +47,7 @@ struct ResidualFigures {
   int edge = 0;                        ///< of the blocks, pixels; cut off at the right and the bottom
   int columns = 0, rows = 0;           ///< of blocks
   std::vector<MeanWithError> blocks;   ///< row by row from the top; the residual over a block and channels
+  std::vector<std::uint64_t> block_samples;  ///< path samples taken in each; of none nothing is known
 };
 
 class ResidualEstimator {
@@ -86,6 +87,7 @@ class ResidualEstimator {
   };
   struct Sums {
     double y = 0.0, variance = 0.0;
+    std::uint64_t drawn = 0;
 
     void add(double d0, double d1, double q) noexcept;
     MeanWithError over(double n) const noexcept;

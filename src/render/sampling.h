@@ -8,6 +8,9 @@
 
 namespace icbench {
 
+/// The largest float below 1: what numbers of [0, 1) are kept at that rounding would lift out of it.
+inline constexpr float kBelowOne = 0x1.fffffep-1f;
+
 /// What a pixel's random numbers are for; each purpose has numbers of its own.
 enum class Purpose : std::uint32_t { lens, direct, gather, path, cell, residual_draw, residual, probe, caustic };
 

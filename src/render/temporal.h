@@ -17,7 +17,8 @@
 //
 // Boxes are conservative (render/moved_boxes.h), every ray goes through the same kernel as when a record is made, and
 // nothing is ever corrected by a difference. So after begin_frame each record equals, bit for bit, the one that would
-// be made at its place in this frame: nothing drifts, however many frames.
+// be made at its place in this frame: nothing drifts, however many frames. (But where three or more shapes that can move
+// coincide: which of them a ray meets follows from Embree's tree over all that move.)
 //
 // A cache may not let a radius grow in place: a record that gets a larger one is dropped and inserted again, as it
 // would be now (to_insert). A cache that holds a record in several copies is told the same of each: what update()

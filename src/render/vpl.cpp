@@ -32,7 +32,7 @@ float halton(std::uint32_t i, std::uint32_t base, float shift) noexcept {
   double value = shift, digit = 1.0 / base;
   for (; i > 0; i /= base, digit /= base) value += digit * (i % base);
   const auto u = static_cast<float>(value < 1.0 ? value : value - 1.0);
-  return std::min(u, 0x1.fffffep-1f);
+  return std::min(u, kBelowOne);
 }
 
 // The numbers of a path: the first from a Halton sequence over the paths, the rest its own.
@@ -90,7 +90,8 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
   const EmittedRay start = emit(rays.scene().lights, random);
   meet(start.p, nullptr);
   glm::vec3 weight(1.0f);
-  Ray ray{start.on_surface ? rays.leave(start.p, start.n) : start.p, kInfinity, start.d};
+  // A point light may lie in a surface, which does not hide it (render/transport.h), or a hair before one.
+  Ray ray{rays.leave(start.p, start.n), kInfinity, start.d};
   for (std::uint32_t mirrored = 0;;) {
     const Hit hit = tracer.intersect(ray);
     if (hit.missed()) {

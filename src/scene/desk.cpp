@@ -130,7 +130,7 @@ void add_keyboard_and_mouse(Scene& s, const Materials& m) {
 }
 
 void add_desk_lamp(Scene& s, const Materials& m) {
-  const vec3 foot(-0.72f, kOnDesk, -1.68f), elbow = foot + vec3(-0.10f, 0.36f, -0.05f),
+  const vec3 foot(-0.82f, kOnDesk, -1.68f), elbow = foot + vec3(-0.10f, 0.36f, -0.05f),
                                             head = elbow + vec3(0.30f, 0.14f, 0.14f);
   static constexpr glm::vec2 kFoot[] = {{0.0f, 0.0f},    {0.09f, 0.0f},  {0.09f, 0.0f},    {0.09f, 0.012f},
                                         {0.082f, 0.02f}, {0.03f, 0.03f}, {0.015f, 0.035f}, {0.0f, 0.035f}};
@@ -232,7 +232,7 @@ void add_wall(Scene& s, const Materials& m) {
                                        {0.065f, 0.10f}, {0.07f, 0.10f}, {0.07f, 0.10f}, {0.07f, 0.12f},
                                        {0.07f, 0.12f},  {0.06f, 0.12f}, {0.06f, 0.12f}, {0.055f, 0.10f},
                                        {0.055f, 0.10f}, {0.0f, 0.10f}};
-  const vec3 pot(0.28f, board.upper.y + kStandingGap, wall + 0.13f);
+  const vec3 pot(0.28f, board.upper.y + kStandingGap, wall + 0.15f);
   s.meshes.push_back(revolve("pot", pot, kPot, 40, m.clay));
   Mesh plant{"plant", {}, {}, {}, m.leaf};
   for (int i = 0; i < 14; ++i) {  // leaves: flat balls along spreading rods
@@ -253,7 +253,7 @@ void add_wall(Scene& s, const Materials& m) {
   const float front = frame.upper.z + kStandingGap;
   s.meshes.push_back(quad("picture", {0.72f, 1.31f, front}, {0.58f, 0, 0}, {0, 0.48f, 0}, m.paper));
   s.meshes.push_back(quad("sea", {0.76f, 1.35f, front + kStandingGap}, {0.50f, 0, 0}, {0, 0.17f, 0}, m.blue));
-  s.meshes.push_back(ball("sun", {1.12f, 1.64f, front}, 0.03f, 3, m.red));
+  s.meshes.push_back(ball("sun", {1.12f, 1.64f, front + 0.005f}, 0.03f, 3, m.red));
 }
 
 void add_basket(Scene& s, const Materials& m) {

@@ -1,11 +1,13 @@
 #include "scene/lights.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
 #include <numeric>
 
+#include "core/random.h"
 #include "scene/directions.h"
 #include "scene/scene.h"
 
@@ -39,6 +41,24 @@ glm::vec3 spot_direction(const PointLight& light, float u_cosine, float u_azimut
   return direction_at(Basis(light.axis), std::clamp(versine, 0.0f, 2.0f), u_azimuth);
 }
 
+// Where the light of a point light is sent that is far off: round the sphere around the scene, or nearly all of it would
+// miss the scene. Only where the light shines evenly there, so that all paths carry the same.
+LightTable::Aim aim_of(const PointLight& light, const Bounds& bounds) noexcept {
+  constexpr float kPad = 1.001f;
+  const glm::vec3 centre = 0.5f * bounds.lower + 0.5f * bounds.upper, to = centre - light.p;
+  const float radius = kPad * glm::length(bounds.upper - centre), distance = glm::length(to);
+  if (!(radius > 0.0f && radius < distance && std::isfinite(distance))) return {};
+  const float sine = radius / distance, cosine = std::sqrt(1.0f - sine * sine);
+  const LightTable::Aim aim{to / distance, sine * sine / (1.0f + cosine), 0.0f};
+  if (light.cos_outer > -1.0f) {
+    const float inner = std::acos(std::clamp(light.cos_inner, -1.0f, 1.0f));
+    const float off = std::acos(std::clamp(glm::dot(aim.axis, light.axis), -1.0f, 1.0f));
+    if (off + std::asin(sine) > inner) return {};
+  }
+  const auto share = static_cast<float>(2.0 * kPi * static_cast<double>(aim.versine) / solid_angle(light));
+  return share < 1.0f ? LightTable::Aim{aim.axis, aim.versine, share} : LightTable::Aim{};
+}
+
 }  // namespace
 
 float spot_falloff(const PointLight& light, float cosine) noexcept {
@@ -70,6 +90,7 @@ LightTable::LightTable(const Scene& scene, float frame) {
     const double power = solid_angle(light) / kPi * channel_sum(light.intensity);
     if (!(power > 0.0)) continue;
     points_.push_back(light);
+    aims_.push_back(aim_of(light, scene.bounds));
     powers.push_back(power);
   }
   if (!powers.empty()) build_alias_table(powers);
@@ -99,8 +120,13 @@ void LightTable::build_alias_table(const std::vector<double>& powers) {
 }
 
 LightPoint LightTable::sample(float u_light, float u1, float u2) const noexcept {
-  // In double: 24 random bits times the table size leave too few bits for the fraction in float.
-  const double scaled = static_cast<double>(u_light) * static_cast<double>(table_.size());
+  // The place in the table and the fraction that decides between two lights take more than the 24 bits of one number
+  // where lights have millions of triangles. What lies between two of its values is told by the others, by a hash, so
+  // that it says nothing of where on the light the point is.
+  const std::uint64_t between =
+      mix64(std::uint64_t{std::bit_cast<std::uint32_t>(u1)} << 32 | std::bit_cast<std::uint32_t>(u2));
+  const double u = static_cast<double>(u_light) + 0x1p-24 * (static_cast<double>(between >> 11) * 0x1p-53);
+  const double scaled = u * static_cast<double>(table_.size());
   auto entry = std::min(static_cast<std::size_t>(scaled), table_.size() - 1);
   if (!(scaled - static_cast<double>(entry) < static_cast<double>(table_[entry].keep)))
     entry = table_[entry].alias;
@@ -122,8 +148,11 @@ EmittedRay LightTable::emit(float u_light, float u1, float u2, float v1, float v
   // with what both kinds share.
   const glm::vec3 power = std::numbers::pi_v<float> / pdf_area(from.emission) * from.emission;
   if (!from.point) return {from.p, from.n, cosine_direction(Basis(from.n), v1, v2), power, true};
-  const glm::vec3 d = spot_direction(*from.point, v1, v2);
-  return {from.p, d, d, power, false};
+  const Aim& aim = aims_[static_cast<std::size_t>(from.point - points_.data())];
+  const bool is_aimed = aim.versine > 0.0f;
+  const glm::vec3 d =
+      is_aimed ? direction_at(Basis(aim.axis), aim.versine * v1, v2) : spot_direction(*from.point, v1, v2);
+  return {from.p, d, d, aim.share * power, false};
 }
 
 }  // namespace icbench

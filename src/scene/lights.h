@@ -41,8 +41,9 @@ struct EmittedRay {
   glm::vec3 p;  ///< on the light, metres
   glm::vec3 n;  ///< unit geometric normal, on the emitting side; of a point light the direction itself
   glm::vec3 d;  ///< unit direction
-  glm::vec3
-      power;  ///< flux it carries over the density of drawing it, W: the mean over draws is the total flux
+  /// Flux it carries over the density of drawing it, W: the mean over draws is the total flux, less what a light far
+  /// away sends past the scene.
+  glm::vec3 power;
   bool on_surface;  ///< false: it starts at a point light, away from any surface
 };
 
@@ -67,9 +68,16 @@ class LightTable {
   float pdf_area(const glm::vec3& emission) const noexcept { return channel_sum(emission) * inverse_power_; }
 
   /// Draws the start of a light path from five numbers uniform in [0, 1): the light, two for the point, two for the
-  /// direction. The direction has the light's own distribution, so that all of a colour carry the same power. The table
-  /// must not be empty.
+  /// direction. The direction has the light's own distribution, of a point light far away within the cone that holds
+  /// the scene, so that all of a light and colour carry the same power. The table must not be empty.
   EmittedRay emit(float u_light, float u1, float u2, float v1, float v2) const noexcept;
+
+  /// Which of its directions a point light sends light paths in: a cone around `axis`, or all.
+  struct Aim {
+    glm::vec3 axis{0.0f};
+    float versine = 0.0f;  ///< 1 - cosine of the cone's half angle; 0: all
+    float share = 1.0f;    ///< of the light's flux
+  };
 
  private:
   struct AreaLight {
@@ -92,6 +100,7 @@ class LightTable {
   std::vector<Entry> table_;  // of the area lights, then the point lights
   std::vector<AreaLight> areas_;
   std::vector<PointLight> points_;
+  std::vector<Aim> aims_;       // of each
   float inverse_power_ = 0.0f;  // 1 / sum of powers, in units of pi W: area times radiance
 };
 

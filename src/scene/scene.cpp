@@ -180,16 +180,42 @@ void for_each_frame(const Scene& scene, bool animated, F&& f) {
 }
 
 constexpr float kFar = std::numeric_limits<float>::max();
+constexpr const char* kOnlyDegenerate = "has only degenerate triangles; check its coordinates";
 
 void extend(Bounds& bounds, const glm::vec3& p) {
   bounds.lower = glm::min(bounds.lower, p);
   bounds.upper = glm::max(bounds.upper, p);
 }
 
+/// What decides whether a triangle has a surface: twice its area, and the square of its longest side.
+struct Extent {
+  double area, longest;
+
+  bool is_thin() const noexcept { return !(area > kThinnest * longest); }
+};
+
+/// `linear` brings the mesh to the size at which that counts.
+Extent extent_of(const Mesh& mesh, const glm::uvec3& t, const glm::dmat3& linear) {
+  const glm::dvec3 a(mesh.positions[t.x]), b(mesh.positions[t.y]), c(mesh.positions[t.z]);
+  const glm::dvec3 ab = linear * (b - a), ac = linear * (c - a), bc = ac - ab;
+  return {glm::length(glm::cross(ab, ac)), std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)})};
+}
+
+/// Whether a triangle is dropped however large the scene is, and so counts for nothing. Where a pose may stretch it,
+/// only if it is a line or a point in any.
+bool has_no_surface(const Mesh& mesh, const glm::uvec3& t) {
+  if (mesh.deform) return false;
+  if (!mesh.pose) return extent_of(mesh, t, glm::dmat3(1.0)).is_thin();
+  const std::vector<glm::vec3>& p = mesh.positions;
+  return p[t.x] == p[t.y] || p[t.y] == p[t.z] || p[t.z] == p[t.x];
+}
+
 Bounds used_bounds(const Mesh& mesh) {
   Bounds bounds{glm::vec3(kFar), glm::vec3(-kFar)};
-  for (const glm::uvec3& t : mesh.triangles)
+  for (const glm::uvec3& t : mesh.triangles) {
+    if (has_no_surface(mesh, t)) continue;
     for (const std::uint32_t v : {t.x, t.y, t.z}) extend(bounds, mesh.positions[v]);
+  }
   return bounds;
 }
 
@@ -218,6 +244,7 @@ void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds, glm::mat3
     return;
   }
   const Bounds rest = used_bounds(shape);
+  if (rest.lower.x > rest.upper.x) return;
   if (!mesh.pose) {
     extend(bounds, rest.lower);
     extend(bounds, rest.upper);
@@ -231,12 +258,9 @@ void extend_by_mesh(const Scene& scene, std::size_t i, Bounds& bounds, glm::mat3
   });
 }
 
-// `linear` brings the mesh to the size at which `reach` counts.
 bool is_degenerate(const Mesh& mesh, const glm::uvec3& t, const glm::dmat3& linear, double reach) {
-  const glm::dvec3 a(mesh.positions[t.x]), b(mesh.positions[t.y]), c(mesh.positions[t.z]);
-  const glm::dvec3 ab = linear * (b - a), ac = linear * (c - a), bc = ac - ab;
-  const double longest = std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)});
-  return !(glm::length(glm::cross(ab, ac)) > std::max(kThinnest * longest, kSmallest * reach * reach));
+  const Extent extent = extent_of(mesh, t, linear);
+  return extent.is_thin() || !(extent.area > kSmallest * reach * reach);
 }
 
 }  // namespace
@@ -277,7 +301,11 @@ void prepare(Scene& scene) {
     const std::uint32_t shape = scene.meshes[i].instance_of;
     extend_by_mesh(scene, i, bounds, largest[shape == kOwnShape ? i : shape]);
   }
-  if (bounds.lower.x > bounds.upper.x) fail(scene, "has no surface; add a mesh with at least one triangle");
+  if (bounds.lower.x > bounds.upper.x) {
+    const bool has_triangles = std::any_of(scene.meshes.begin(), scene.meshes.end(),
+                                           [](const Mesh& m) { return !m.triangles.empty(); });
+    fail(scene, has_triangles ? kOnlyDegenerate : "has no surface; add a mesh with at least one triangle");
+  }
   const float reach = reach_of(bounds);
   if (!(reach >= kMinReach && reach <= kMaxReach))
     fail(scene, fmt::format("reaches {} m from the origin; scale it to between {} and {} m", reach, kMinReach,
@@ -308,7 +336,7 @@ void prepare(Scene& scene) {
     }
     left += mesh.triangles.size();
   }
-  if (left == 0) fail(scene, "has only degenerate triangles; check its coordinates");
+  if (left == 0) fail(scene, kOnlyDegenerate);
 
   const glm::vec3 pad(scene_epsilon(reach));
   scene.bounds = {bounds.lower - pad, bounds.upper + pad};
@@ -318,12 +346,31 @@ void prepare(Scene& scene) {
 std::uint64_t light_key(const Scene& scene, std::uint32_t frame) {
   Hash hash;
   const auto add = [&hash](const auto&... values) { (hash.add(values), ...); };
-  add(scene.name, frame, scene.materials.size(), scene.meshes.size(), scene.point_lights.size());
-  for (const Material& m : scene.materials) add(m.albedo, m.emission, m.surface, m.ior, m.texture);
-  for (const Mesh& m : scene.meshes)
-    add(m.positions, m.normals, m.triangles, m.material, m.uvs, m.moves(), m.instance_of);
-  for (const PointLight& l : scene.point_lights) add(l.p, l.intensity, l.axis, l.cos_inner, l.cos_outer);
+  const auto at = static_cast<float>(frame % scene.frames);
+  add(frame, scene.materials.size(), scene.meshes.size(), scene.point_lights.size());
+  std::vector<Material> materials = scene.materials;
+  std::vector<PointLight> point_lights = scene.point_lights;
+  if (scene.change_light) scene.change_light(at, materials, point_lights);
+  for (const Material& m : materials) add(m.albedo, m.emission, m.surface, m.ior, m.texture);
+  for (const Mesh& m : scene.meshes) {
+    std::vector<glm::vec3> positions = m.positions, normals = m.normals;
+    if (m.deform) m.deform(at, positions, normals);
+    add(positions, normals, m.triangles, m.material, m.uvs, m.moves(), m.instance_of);
+    const Pose pose = m.pose ? m.pose(at) : Pose{};
+    add(pose.linear[0], pose.linear[1], pose.linear[2], pose.shift);
+  }
+  for (const PointLight& l : point_lights) add(l.p, l.intensity, l.axis, l.cos_inner, l.cos_outer);
   for (const Texture& t : scene.textures) add(t.width, t.height, t.texels);
+  return hash.value();
+}
+
+std::uint64_t picture_key(const Scene& scene, std::uint32_t frame) {
+  const Camera camera =
+      scene.camera_path ? scene.camera_path(static_cast<float>(frame % scene.frames)) : scene.camera;
+  Hash hash;
+  hash.add(light_key(scene, frame));
+  for (const glm::vec3& v : {camera.eye, camera.target, camera.up}) hash.add(v);
+  hash.add(camera.fov_y);
   return hash.value();
 }
 

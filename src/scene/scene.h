@@ -150,8 +150,11 @@ float reach_of(const Bounds& bounds) noexcept;
 /// look, either of them with a coordinate above 1e15 m, or a size outside [kMinReach, kMaxReach], in any of its frames.
 void prepare(Scene& scene);
 
-/// A hash of what the light in a prepared scene depends on at a frame: shapes, materials, textures and lights as they
-/// are at rest, the scene's name, which stands for how they move, and the frame. Not the camera.
+/// A hash of what the light in a prepared scene depends on at a frame: shapes and where they stand, materials, textures
+/// and lights as they are then, and the frame. Neither the camera nor the scene's name.
 std::uint64_t light_key(const Scene& scene, std::uint32_t frame);
+
+/// The same with the camera as it looks then: of what a picture depends on.
+std::uint64_t picture_key(const Scene& scene, std::uint32_t frame);
 
 }  // namespace icbench

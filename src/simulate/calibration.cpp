@@ -332,8 +332,7 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
 
 std::string workload_key(const WorkloadSpec& s) {
   if (s.kind == WorkloadKind::trace)
-    return fmt::format("trace {:016x}{}", read_trace_header(s.file).checksum,
-                       s.as_captured ? " as captured" : "");
+    return fmt::format("trace {:016x}{}", s.checksum, s.as_captured ? " as captured" : "");
   return fmt::format("{} {}/1000 inserts, {} records, {} operations, order {}, a {}, scene {}",
                      to_string(s.kind), s.inserts_per_1000, s.prefilled() + s.inserts(), s.operations,
                      static_cast<int>(s.order), s.a, s.scene);

@@ -90,6 +90,7 @@ struct CalibratedPlan {
 };
 
 /// What a workload is known by among costs.
+/// Of a trace, by its checksum, which must be known.
 std::string workload_key(const WorkloadSpec& spec);
 std::string key_of(std::string_view cache, const std::string& workload_key);
 

@@ -7,7 +7,7 @@
 #include <fstream>
 #include <stdexcept>
 
-#include "files/output_file.h"
+#include "files/json_file.h"
 #include "simulate/calibration.h"
 
 namespace icbench {
@@ -51,8 +51,9 @@ constexpr WaitField kWaits[] = {{"park_ns", &WaitCosts::park_ns},   {"check_ns",
                                 {"clock_ns", &WaitCosts::clock_ns}, {"start_ns", &WaitCosts::start_ns}};
 
 Calibration parse(const Json& j) {
-  if (!j.is_object() || j.value("format", "") != kFormat) throw std::runtime_error("this is no calibration");
-  if (j.value("version", 0) != kVersion)
+  if (!j.is_object() || !j.contains("format") || j.at("format") != kFormat)
+    throw std::runtime_error("this is no calibration; name another file by --calibration");
+  if (!j.contains("version") || j.at("version") != kVersion)
     throw std::runtime_error("it is of another version; give --recalibrate");
   Calibration c;
   c.host_name = text_at(j, "host_name");
@@ -196,7 +197,7 @@ void make_folder_of(const std::string& path) {
 
 void write_calibration(const Calibration& calibration, const std::string& path) {
   make_folder_of(path);
-  write_file(path, calibration.to_json().dump(1) + "\n");
+  write_json(path, calibration.to_json(), 1);
 }
 
 }  // namespace icbench

@@ -52,7 +52,8 @@ struct Simulation::PlanData {
   std::size_t workload = 0;
   std::unique_ptr<SyntheticPlan> synthetic, synthetic_without_work;  // the second if it is another
   std::unique_ptr<TracePlan> trace, trace_without_work;
-  std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
+  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t>
+      records_of_one_thread;  // by the streams' number and seed
 };
 
 /// Threads that measure.
@@ -70,6 +71,8 @@ Simulation::~Simulation() = default;
 Simulation::Simulation(SimulationRequest request, const Topology& topology, Calibration calibration)
     : request_(std::move(request)), topology_(topology), calibration_(std::move(calibration)) {
   require_simulated(request_);
+  for (WorkloadSpec& spec : request_.workloads)
+    if (spec.kind == WorkloadKind::trace && spec.checksum == 0) spec.checksum = trace_checksum(spec);
   for (const WorkloadSpec& spec : request_.workloads) workload_keys_.push_back(workload_key(spec));
 }
 
@@ -85,7 +88,7 @@ Simulation::PlanData& Simulation::plan(std::size_t workload) {
   auto made = std::make_unique<PlanData>();
   made->workload = workload;
   if (spec.kind == WorkloadKind::trace) {
-    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale, spec.as_captured);
+    made->trace = plan_of_trace(spec, spec.scale);
   } else {
     made->synthetic = std::make_unique<SyntheticPlan>(spec, RayTracer(make_scene(spec.scene)), request_.seed);
   }
@@ -98,8 +101,7 @@ CalibratedPlan Simulation::plan_without_work(std::size_t workload) {
   WorkloadSpec spec = request_.workloads[workload];
   CalibratedPlan out{nullptr, nullptr, workload_keys_[workload]};
   if (spec.kind == WorkloadKind::trace) {
-    if (data.trace_without_work == nullptr)
-      data.trace_without_work = std::make_unique<TracePlan>(read_trace(spec.file), 0.0, spec.as_captured);
+    if (data.trace_without_work == nullptr) data.trace_without_work = plan_of_trace(spec, 0.0);
     out.trace = data.trace_without_work.get();
   } else if (spec.kind == WorkloadKind::miss_driven) {
     if (data.synthetic_without_work == nullptr) {
@@ -248,10 +250,11 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   c["records_digest"] = fmt::format("{:016x}", o.digest);
   const bool keeps = point.cache->traits.consistency != Consistency::none;
   if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::trace)) {
-    const auto [at, is_new] = data.records_of_one_thread.try_emplace(data.trace ? 0 : seed, 0);
+    const unsigned streams = data.synthetic ? data.synthetic->streams_of_one_thread(point.cores) : 1;
+    const auto [at, is_new] = data.records_of_one_thread.try_emplace({streams, data.trace ? 0 : seed}, 0);
     if (is_new) {
-      at->second =
-          data.trace ? data.trace->records_of_one_thread() : data.synthetic->records_of_one_thread(seed);
+      at->second = data.trace ? data.trace->records_of_one_thread()
+                              : data.synthetic->records_of_one_thread(streams, seed);
     }
     c["redundant_records"] = static_cast<std::int64_t>(o.records) - static_cast<std::int64_t>(at->second);
   }

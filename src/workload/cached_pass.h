@@ -55,6 +55,8 @@ class CachedPass : public IndirectPass, protected WaveCache {
   }
 
   void begin_frame(const SceneChange& change) override {
+    const CacheUse last = use();
+    if (last.full > last.queries / kFewRefused) source_->found_no_room();
     for (const auto& w : workers_) w->use = {};
     if (waves_) waves_->reset_use();
     lock_wait_before_ = cache_.counters().lock_wait_ns;
@@ -83,8 +85,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
             const Tile& tile, Image& out) noexcept override {
     if (waves_) return;  // all at once, at the end
     Worker& w = *workers_[thread];
-    irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use,
-                          has_overture_ ? AskAgain::never : AskAgain::where_outdated);
+    irradiance_cache_tile(w.session, *source_, thread, tracer, primary, key, tile, out, w.use, ask_again());
   }
 
   void end_sample(const PrimaryHits& primary, Image& out) override {
@@ -105,8 +106,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
 
   PassFigures figures() const override {
     PassFigures out;
-    for (const auto& w : workers_) out.use += w->use;
-    if (waves_) out.use += waves_->use();
+    out.use = use();
     cache_.for_each_record([&](const Record&) { ++out.records; });
     out.lock_wait_ns = cache_.counters().lock_wait_ns - lock_wait_before_;
     source_->report(out);
@@ -123,6 +123,9 @@ class CachedPass : public IndirectPass, protected WaveCache {
   }
 
  protected:
+  /// With an overture all records are there before a picture asks.
+  AskAgain ask_again() const noexcept { return has_overture_ ? AskAgain::never : AskAgain::where_outdated; }
+
   void publish() override {
     cache_.end_frame();
     cache_.begin_frame();
@@ -136,6 +139,16 @@ class CachedPass : public IndirectPass, protected WaveCache {
   };
 
  private:
+  // One query in so many may compute a record for nobody else before all records are made anew.
+  static constexpr std::uint64_t kFewRefused = 16;
+
+  CacheUse use() const noexcept {
+    CacheUse sum;
+    for (const auto& w : workers_) sum += w->use;
+    if (waves_) sum += waves_->use();
+    return sum;
+  }
+
   std::vector<InsertResult> insert_all(std::span<const Record> records) {
     std::vector<InsertResult> results(records.size());
     cache_.begin_frame();

@@ -51,7 +51,7 @@ CacheConfig cache_config(const FrameRequest& r, unsigned threads) {
 
 std::uint64_t frame_bytes(const FrameRequest& r) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
-  return pixels * (sizeof(Hit) + 3 * sizeof(glm::vec3)) +
+  return pixels * (sizeof(Hit) + 3 * sizeof(glm::vec3) + sizeof(glm::dvec3)) +
          ResidualEstimator::bytes(pixels, r.spp, r.residual_share, r.keeps_residual);
 }
 
@@ -67,7 +67,8 @@ FrameRenderer::FrameRenderer(const FrameRequest& request)
       primary_(request.rays.scene(), request.width, request.height),
       direct_(make_image(request.width, request.height)),
       indirect_(direct_),
-      picture_(direct_) {}
+      picture_(direct_),
+      sum_(picture_.pixels.size()) {}
 
 FrameCost FrameRenderer::render(std::uint32_t frame) {
   const FrameRequest& r = request_;
@@ -82,8 +83,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
 
   const Lens lens = r.spp == 1 ? Lens::centre : Lens::jittered;
   const CameraView view(r.rays.scene().camera, r.width, r.height);
-  const float share = 1.0f / static_cast<float>(r.spp);
-  std::fill(picture_.pixels.begin(), picture_.pixels.end(), glm::vec3(0.0f));
+  std::fill(sum_.begin(), sum_.end(), glm::dvec3(0.0));
   if (r.residual_share > 0.0f)
     residual_.emplace(r.width, r.height, r.residual_share, crew_.size(), r.keeps_residual);
   for (std::uint32_t sample = 0; sample < r.spp; ++sample) {
@@ -109,10 +109,11 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
       cost.seconds_residual += timed([&] { add_to_residual(key); });
       cost.rays_residual += crew_.rays() - before;
     }
-    for (std::size_t i = 0; i < picture_.pixels.size(); ++i) {
-      picture_.pixels[i] += share * (direct_.pixels[i] + indirect_.pixels[i]);
-    }
+    for (std::size_t i = 0; i < sum_.size(); ++i)
+      sum_[i] += glm::dvec3(direct_.pixels[i]) + glm::dvec3(indirect_.pixels[i]);
   }
+  for (std::size_t i = 0; i < sum_.size(); ++i)
+    picture_.pixels[i] = glm::vec3(sum_[i] / static_cast<double>(r.spp));
   cost.seconds += cost.seconds_indirect;
   cost.rays = crew_.rays() - rays_before - cost.rays_residual;
   cost.pass = pass_->figures();

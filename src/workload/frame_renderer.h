@@ -93,6 +93,7 @@ class FrameRenderer {
   std::unique_ptr<IndirectPass> pass_;
   PrimaryHits primary_;
   Image direct_, indirect_, picture_;
+  std::vector<glm::dvec3> sum_;  // of samples: of millions, floats would lose a hundredth
   std::optional<ResidualEstimator> residual_;
 };
 

@@ -79,7 +79,7 @@ std::string_view to_string(Interpolation level) {
 
 /// The value of a metric that has a single one.
 double figure(MetricFunction metric, const Image& reference, const Image& image) {
-  return metric(reference, image, nullptr).front().value;
+  return first_of(metric(reference, image, nullptr));
 }
 
 double mean_square(const Image& image) {
@@ -334,15 +334,15 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["relmse_irradiance"] = scaled_relmse(irradiance_, E);
   c["mean_ratio"] = figure(mean_ratio, reference_.indirect, made.indirect);
   const Image seen = under_direct_light(made.indirect), truth = reference_view();
-  c["flip"] = flip(truth, seen, nullptr, {}).front().value;
+  c["flip"] = first_of(flip(truth, seen, nullptr, {}));
   for (const MetricValue& part : hdrvdp(truth, seen, nullptr, {})) {
-    c[fmt::format("hdrvdp_{}", part.name)] = part.value;
+    c[fmt::format("hdrvdp_{}", part.name)] = part.value.value();
   }
   c["full_rmse"] = figure(rmse, full_, made.picture);
   c["full_relmse"] = scaled_relmse(full_, made.picture);
   c["full_relmse_scale"] = relmse_scale(full_);
   c["full_mean_ratio"] = figure(mean_ratio, full_, made.picture);
-  c["full_flip"] = flip(full_, made.picture, nullptr, {}).front().value;
+  c["full_flip"] = first_of(flip(full_, made.picture, nullptr, {}));
   c["reference_spp"] = reference_.spp;
   c["reference_rmse"] = reference_.rmse;
   c["reference_relmse"] = reference_.scaled_relmse;

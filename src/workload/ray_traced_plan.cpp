@@ -28,7 +28,7 @@ void for_all_tiles(const RayTracer& rays, int width, int height, F&& f) {
 
 /// The value of a metric that has a single one.
 double figure(MetricFunction metric, const Image& reference, const Image& image) {
-  return metric(reference, image, nullptr).front().value;
+  return first_of(metric(reference, image, nullptr));
 }
 
 }  // namespace

@@ -14,7 +14,7 @@
 namespace icbench {
 namespace {
 
-double rms_difference(const Image& a, const Image& b) { return rmse(a, b, nullptr).front().value; }
+double rms_difference(const Image& a, const Image& b) { return first_of(rmse(a, b, nullptr)); }
 
 /// `value`, and what share it is of the picture's mean and of its error; null where there is no such share.
 void put(nlohmann::ordered_json& counters, const std::string& name, double value, double mean, double error) {

@@ -61,8 +61,9 @@ struct WorkloadSpec {
 
   // Of a trace.
   std::string file;
-  double scale = 1.0;        ///< of the time its records took; 0: none
-  bool as_captured = false;  ///< records are made where the render made them, whatever queries answer
+  std::uint64_t checksum = 0;  ///< of the file as it was when the run began; 0: not known yet
+  double scale = 1.0;          ///< of the time its records took; 0: none
+  bool as_captured = false;    ///< records are made where the render made them, whatever queries answer
 
   bool uses_cache() const noexcept { return method == Method::irradiance_cache; }
 

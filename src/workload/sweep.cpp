@@ -9,9 +9,9 @@
 
 #include "caches/session.h"
 #include "core/random.h"
+#include "files/memory.h"
 #include "harness/timeline.h"
 #include "scene/registry.h"
-#include "workload/memory.h"
 #include "workload/names.h"
 
 namespace icbench {
@@ -55,7 +55,7 @@ void add_latency(nlohmann::ordered_json& out, std::string_view operation, const 
   };
   for (const Percentile& p : kPercentiles) {
     // Beyond what so many samples tell lies the maximum alone; the usual ones are always there.
-    if (p.always || (1.0 - p.share) * static_cast<double>(h.count()) >= 1.0)
+    if (p.always || static_cast<double>(h.count()) >= std::round(1.0 / (1.0 - p.share)))
       put(p.name, h.percentile(p.share));
   }
   put("max", h.max());
@@ -114,7 +114,8 @@ struct Sweep::PlanData {
   std::unique_ptr<SyntheticPlan> synthetic;
   std::unique_ptr<RayTracedPlan> ray_traced;
   std::unique_ptr<TracePlan> trace;
-  std::map<std::uint64_t, std::uint64_t> records_of_one_thread;  // by seed
+  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t>
+      records_of_one_thread;  // by the streams' number and seed
 };
 
 std::uint64_t trace_checksum(const WorkloadSpec& spec) {
@@ -134,8 +135,8 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
       tick_rate_(calibrate_ticks()) {
   std::size_t points_in_all = 0;
   for (std::size_t w = 0; w < request_.workloads.size(); ++w) points_in_all += points(w, 0).size();
-  for (const WorkloadSpec& spec : request_.workloads) {
-    if (spec.kind == WorkloadKind::trace) trace_checksum(spec);
+  for (WorkloadSpec& spec : request_.workloads) {
+    if (spec.kind == WorkloadKind::trace && spec.checksum == 0) spec.checksum = trace_checksum(spec);
     if (spec.kind != WorkloadKind::ray_traced) continue;
     // Hits, the reference and its halves, and the trial's own image.
     constexpr std::uint64_t kBytesPerPixel = sizeof(Hit) + 4 * sizeof(glm::vec3);
@@ -196,7 +197,7 @@ Sweep::PlanData& Sweep::plan(std::size_t workload) {
   auto made = std::make_unique<PlanData>();
   made->workload = workload;
   if (spec.kind == WorkloadKind::trace) {
-    made->trace = std::make_unique<TracePlan>(read_trace(spec.file), spec.scale, spec.as_captured);
+    made->trace = plan_of_trace(spec, spec.scale);
   } else if (spec.kind == WorkloadKind::ray_traced) {
     const ViewData& data = view(spec);
     made->ray_traced = std::make_unique<RayTracedPlan>(spec, tracer(spec.scene), data.primary, data.reference,
@@ -208,12 +209,13 @@ Sweep::PlanData& Sweep::plan(std::size_t workload) {
   return *plan_;
 }
 
-std::uint64_t Sweep::records_of_one_thread(PlanData& plan, std::uint64_t seed) {
-  const auto [at, is_new] = plan.records_of_one_thread.try_emplace(seed, 0);
+std::uint64_t Sweep::records_of_one_thread(PlanData& plan, unsigned threads, std::uint64_t seed) {
+  const unsigned streams = plan.synthetic ? plan.synthetic->streams_of_one_thread(threads) : 1;
+  const auto [at, is_new] = plan.records_of_one_thread.try_emplace({streams, seed}, 0);
   if (is_new) {
     at->second = plan.ray_traced ? plan.ray_traced->records_of_one_thread(seed)
                  : plan.trace    ? plan.trace->records_of_one_thread()
-                                 : plan.synthetic->records_of_one_thread(seed);
+                                 : plan.synthetic->records_of_one_thread(streams, seed);
   }
   return at->second;
 }
@@ -289,7 +291,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
                   spec.kind == WorkloadKind::trace)) {
       const std::int64_t more =
           static_cast<std::int64_t>(o.records) -
-          static_cast<std::int64_t>(records_of_one_thread(data, data.trace ? 0 : setup.seed));
+          static_cast<std::int64_t>(records_of_one_thread(data, point.threads, data.trace ? 0 : setup.seed));
       c["redundant_records"] = more;
       redundant = static_cast<double>(more);
     }

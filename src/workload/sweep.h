@@ -86,7 +86,7 @@ class Sweep {
   const RayTracer& tracer(const std::string& scene);
   const ViewData& view(const WorkloadSpec& spec);
   PlanData& plan(std::size_t workload);
-  std::uint64_t records_of_one_thread(PlanData& plan, std::uint64_t seed);
+  std::uint64_t records_of_one_thread(PlanData& plan, unsigned threads, std::uint64_t seed);
   ThreadTeam& team(unsigned threads);
 
  public:

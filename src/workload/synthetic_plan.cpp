@@ -163,15 +163,21 @@ CacheConfig SyntheticPlan::config(unsigned threads) const {
   return config;
 }
 
-std::uint64_t SyntheticPlan::records_of_one_thread(std::uint64_t seed) const {
+std::uint64_t SyntheticPlan::records_of_one_thread(unsigned number, std::uint64_t seed) const {
   if (spec_.kind != WorkloadKind::miss_driven) return 0;
-  const Streams one = streams(1, seed);
+  const Streams all = streams(number, seed);
   Sequential<> cache(config(1));
   auto session = cache.open_session(0);
   std::uint64_t records = 0;
-  for (std::uint32_t i = 0; i < one.operations.size(); ++i) {
-    if (session.query(points()[one.operations[i]])) continue;
-    records += session.insert(record_at(one, i)) == InsertResult::inserted;
+  std::size_t left = all.operations.size();
+  for (std::uint32_t turn = 0; left != 0; ++turn) {
+    for (unsigned t = 0; t < number; ++t) {
+      const std::uint32_t i = all.begin[t] + turn;
+      if (i >= all.begin[t + 1]) continue;
+      --left;
+      if (session.query(points()[all.operations[i]])) continue;
+      records += session.insert(record_at(all, i)) == InsertResult::inserted;
+    }
   }
   return records;
 }

@@ -68,9 +68,15 @@ class SyntheticPlan {
   };
   Answers expected_answers(const Streams& streams) const;
 
-  /// Records that a single thread leaves behind when it runs the streams of `seed`: what is more is
-  /// redundant. 0 for workloads whose inserts do not depend on misses.
-  std::uint64_t records_of_one_thread(std::uint64_t seed) const;
+  /// Streams that a single thread has to run for what so many threads do: in coherent order these take tiles of their
+  /// own, else operations do not depend on how they are dealt.
+  unsigned streams_of_one_thread(unsigned threads) const noexcept {
+    return spec_.order == PointOrder::coherent ? threads : 1;
+  }
+
+  /// Records that a single thread leaves behind when it runs so many streams of `seed`, an operation of each in turn:
+  /// what is more is redundant. 0 for workloads whose inserts do not depend on misses.
+  std::uint64_t records_of_one_thread(unsigned streams, std::uint64_t seed) const;
 
  private:
   void scale_radii();

@@ -36,7 +36,7 @@ void TraceLog::asked(const SurfacePoint& x, bool is_hit) noexcept {
 }
 
 void TraceLog::inserted(const Record& r, InsertResult result) noexcept {
-  const double cost = rate_.to_ns(evaluated_ - missed_);
+  const double cost = rate_.to_ns(ticks_between(missed_, evaluated_));
   encoder_.record({r, flags_, result, static_cast<std::uint64_t>(std::llround(cost))});
   ++tile_.records;
   is_open_ = false;
@@ -95,10 +95,10 @@ void TraceRecorder::begin_tile(unsigned thread) noexcept {
 
 void TraceRecorder::tile(AnySession& session, RecordSource& source, unsigned thread, Tracer& tracer,
                          const PrimaryHits& primary, const SampleKey& key, const Tile& tile, Image& indirect,
-                         CacheUse& use) noexcept {
+                         CacheUse& use, AskAgain ask_again) noexcept {
   begin_tile(thread);
   TracedSession traced(session, log(thread));
-  irradiance_cache_tile(traced, source, thread, tracer, primary, key, tile, indirect, use);
+  irradiance_cache_tile(traced, source, thread, tracer, primary, key, tile, indirect, use, ask_again);
   log(thread).end_tile();
 }
 

@@ -130,7 +130,7 @@ class TraceRecorder {
   /// irradiance_cache_tile, captured. By many threads at once, each with a log of its own.
   void tile(AnySession& session, RecordSource& source, unsigned thread, Tracer& tracer,
             const PrimaryHits& primary, const SampleKey& key, const Tile& tile, Image& indirect,
-            CacheUse& use) noexcept;
+            CacheUse& use, AskAgain ask_again) noexcept;
 
   /// For those that capture by other means: between the two calls, `log(thread)` takes the operations of a tile.
   void begin_tile(unsigned thread) noexcept;

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "core/random.h"
-#include "workload/memory.h"
+#include "files/memory.h"
 #include "workload/trace_layout.h"
 
 namespace icbench {

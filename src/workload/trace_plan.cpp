@@ -17,6 +17,19 @@ using PlanCache = Direct<Packed<PlainSync>, NoCounters>;
 
 }  // namespace
 
+std::unique_ptr<TracePlan> plan_of_trace(const WorkloadSpec& spec, double scale) {
+  Trace trace = read_trace(spec.file);
+  if (spec.checksum != 0 && trace.checksum != spec.checksum)
+    throw std::runtime_error(
+        fmt::format("the trace '{}' has changed since the run began; start anew", spec.file));
+  try {
+    return std::make_unique<TracePlan>(std::move(trace), scale, spec.as_captured);
+  } catch (const std::runtime_error& error) {
+    throw std::runtime_error(
+        fmt::format("cannot use the trace '{}': {}; capture it anew", spec.file, error.what()));
+  }
+}
+
 TracePlan::TracePlan(Trace trace, double scale, bool as_captured)
     : trace_(std::move(trace)), scale_(scale), as_captured_(as_captured), origins_(trace_.points.size()) {
   for (std::uint32_t f = 0; f < trace_.frames.size(); ++f) {

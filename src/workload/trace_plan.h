@@ -9,10 +9,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "core/cache.h"
 #include "harness/calibrated_work.h"
+#include "workload/spec.h"
 #include "workload/trace_file.h"
 
 namespace icbench {
@@ -68,5 +70,9 @@ class TracePlan {
   std::vector<Trace::Range> epochs_;
   std::vector<std::uint32_t> origins_;  // by operation; kStandIn: it was answered
 };
+
+/// The plan of a trace's workload. Throws std::runtime_error with one line if the file cannot be used, or is another than
+/// when the run began.
+std::unique_ptr<TracePlan> plan_of_trace(const WorkloadSpec& spec, double scale);
 
 }  // namespace icbench

@@ -11,7 +11,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "workload/memory.h"
+#include "files/memory.h"
 #include "workload/trace_file.h"
 #include "workload/trace_layout.h"
 

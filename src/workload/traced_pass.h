@@ -40,7 +40,8 @@ class TracedPass final : public CachedPass<CacheTemplate> {
             const Tile& tile, Image& out) noexcept override {
     auto& worker = *this->workers_[thread];
     ErasedSession session(worker.session);
-    recorder_.tile(session, *this->source_, thread, tracer, primary, key, tile, out, worker.use);
+    recorder_.tile(session, *this->source_, thread, tracer, primary, key, tile, out, worker.use,
+                   this->ask_again());
   }
 
  private:

@@ -105,7 +105,7 @@ class LatencySampler {
     const std::uint64_t start = account_ != nullptr ? account_->enter(kDoing, waited_ns(session)) : stamp();
     auto result = operation();
     const std::uint64_t end = stamp();
-    histogram.record(end - start);
+    histogram.record(ticks_between(start, end));
     if (account_ != nullptr) {
       bool missed = false;
       if constexpr (!kInserts) missed = !result;

@@ -381,6 +381,13 @@ struct EarlyRelease {
 struct AcquireRelease {
   static constexpr std::memory_order kStore = std::memory_order_release, kLoad = std::memory_order_acquire;
 };
+/// The same though one half of the steps is sequentially consistent.
+struct OrderedLoads {
+  static constexpr std::memory_order kStore = std::memory_order_release, kLoad = std::memory_order_seq_cst;
+};
+struct OrderedStores {
+  static constexpr std::memory_order kStore = std::memory_order_seq_cst, kLoad = std::memory_order_acquire;
+};
 
 template <class Sync>
 using ExchangeThenLink = Direct<ExchangeThenLinkList<Sync>>;
@@ -396,5 +403,9 @@ template <class Sync, class Plain>
 using LockReleasedEarly = Locked<UnsharedList<Plain>, EarlyRelease<Sync>>;
 template <class Sync, class Plain>
 using LockWithoutOrder = Locked<UnsharedList<Plain>, DistributedRw<Sync, AcquireRelease>>;
+template <class Sync, class Plain>
+using LockStoresLate = Locked<UnsharedList<Plain>, DistributedRw<Sync, OrderedLoads>>;
+template <class Sync, class Plain>
+using LockLoadsEarly = Locked<UnsharedList<Plain>, DistributedRw<Sync, OrderedStores>>;
 
 }  // namespace icbench::stress

@@ -147,6 +147,20 @@ class TidyDropsLast : public Direct<WardTree<Sync>> {
   }
 };
 
+/// A record is marked by a relaxed store: who sees the mark does not know of all that the insert did before, as the
+/// record's lanes in other cells.
+struct UnorderedMarks {
+  static constexpr bool kIsSnapshot = false;
+
+  template <class Sync>
+  class In : public AtFirstSight::In<Sync> {
+   public:
+    void publish(typename AtFirstSight::In<Sync>::Mark& mark) noexcept {
+      mark.word.store(1, std::memory_order_relaxed);
+    }
+  };
+};
+
 /// A query reads the clock when it meets a record, instead of before the first list: what was stamped since is seen
 /// here and missed in the lists that it has left behind.
 struct LateClock {
@@ -185,6 +199,8 @@ template <class Sync>
 using RelaxedPublication = Direct<WardTree<RelaxedSync<Sync>>>;
 template <class Sync>
 using LanesUnpublished = Direct<Packed<RelaxedAdditionSync<Sync>>>;
+template <class Sync>
+using MarksUnordered = Direct<Packed<Sync, UnorderedMarks>>;
 template <class Sync>
 using PlainStoreInstall = Direct<WardTree<StoreSync<Sync>>>;
 template <class Sync>

@@ -97,17 +97,18 @@ class Drive {
       char last = ' ';
       for (const char c : scenario_.threads[t]) {
         const bool is_in_batch = c == 'b' && last == 'b';
-        last = c;
-        if (c == 'q' || c == 'b') {
+        if (c == 'q' || c == 'b' || c == 'l' || c == 'r') {
           LoggedOperation o;
           o.is_query = true;
           o.is_in_batch = is_in_batch;
-          o.where = Stage::kHere;
+          o.where = c == 'l' ? Stage::kLeft : c == 'r' ? Stage::kRight : Stage::kHere;
           o.id = id++;
           operations.push_back(o);
         } else if (c >= '0' && c < '0' + static_cast<char>(Stage::kSizes)) {
-          operations.push_back(insert(Stage::kind(Stage::kHere, static_cast<std::uint32_t>(c - '0'))));
+          const std::uint32_t place = last == 'x' ? Stage::kLeft : Stage::kHere;
+          operations.push_back(insert(Stage::kind(place, static_cast<std::uint32_t>(c - '0'))));
         }
+        last = c;
       }
     }
     for (std::uint32_t place = 0; place < Stage::kPlaces; ++place) {
@@ -212,7 +213,10 @@ class Drive {
   static std::string call_text(std::span<const LoggedOperation> call) {
     if (call.size() > 1) return fmt::format("calls a batch of {} queries", call.size());
     const LoggedOperation& o = call.front();
-    if (o.is_query) return "calls query";
+    if (o.is_query)
+      return o.where == Stage::kLeft    ? "calls query on the left"
+             : o.where == Stage::kRight ? "calls query on the right"
+                                        : "calls query";
     return fmt::format("calls insert of record {}, size {}", o.id, o.where % Stage::kSizes);
   }
   static std::string return_text(const LoggedOperation& o) {

@@ -52,7 +52,7 @@ void Memory::reset(unsigned threads) noexcept {
   used_ = 0;
   ++execution_;
   touches_.clear();
-  total_known_ = total_past_ = {};
+  total_past_ = {};
   total_view_ = {};
   exhausted_ = false;
 }
@@ -123,11 +123,7 @@ Effect Memory::perform(unsigned thread, const Access& a, Location l, unsigned in
   const std::memory_order order =
       a.kind == Access::Kind::compare_exchange && !effect.wrote ? a.failure : a.order;
   const bool in_total_order = a.is_seq_cst();
-  if (in_total_order) {
-    t.known.join(total_known_);
-    t.view.join(total_view_);
-    t.past.join(total_past_);
-  }
+  if (in_total_order) t.past.join(total_past_);
   ++t.past.at[thread];
   if (!a.is_blind()) {
     const Store& from = w.stores[index];
@@ -164,8 +160,7 @@ Effect Memory::perform(unsigned thread, const Access& a, Location l, unsigned in
     }
   }
   if (in_total_order) {
-    total_known_.join(t.known);
-    total_view_.join(t.view);
+    total_view_.oldest[l] = t.view.oldest[l];
     total_past_.join(t.past);
   }
   ++t.known.at[thread];  // what comes now is not part of what was released

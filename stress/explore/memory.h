@@ -12,9 +12,9 @@
 //   - load buffering: a load never reads a store that is executed later (out of thin air, or a dependency cycle);
 //   - a modification order that contradicts the order of execution: of two relaxed stores to one location, the one
 //     executed later is the later one.
-// What it does, though C++ does not demand it: seq_cst steps are acquire and release, and are ordered among each other
-// through one global view, whatever location they are on; that is stronger than C++, and stronger than what hardware
-// does where they mix with weaker steps. Nothing that ships uses them.
+// Seq_cst steps are acquire and release, and their one order is that in which they are executed: at each location one of
+// them sees nothing older than the one before did. They order nothing else: two threads may both miss what the other
+// stored if only their stores, or only their loads, are seq_cst.
 #pragma once
 
 #include <algorithm>
@@ -194,8 +194,8 @@ class Memory {
   std::vector<Bucket> buckets_;
   std::uint64_t execution_ = 0;
   std::vector<Touch> touches_;
-  VectorClock total_known_, total_past_;  ///< of seq_cst steps
-  View total_view_;
+  VectorClock total_past_;  ///< of seq_cst steps
+  View total_view_;         ///< at each location, of the last of them
   bool exhausted_ = false;
 };
 

@@ -11,7 +11,8 @@ namespace icbench::stress::explore {
 namespace {
 
 constexpr float kRadii[Stage::kSizes] = {0.6f, 0.4f, 0.2f, 0.025f};
-constexpr float kCorner[Stage::kPlaces] = {0.05f, 0.95f, 0.45f};
+constexpr glm::vec3 kWhere[Stage::kPlaces] = {
+    glm::vec3(0.05f), glm::vec3(0.95f), glm::vec3(0.45f), {0.48f, 0.25f, 0.25f}, {0.52f, 0.25f, 0.25f}};
 
 // Least capacity at which the packed octree's grid has bricks that are not there from the start.
 constexpr std::uint32_t kWithBricks = 48 << 6;
@@ -30,6 +31,9 @@ constexpr Scenario kScenarios[] = {
     {"grow", {"i0", "i0"}, true, 4, false},
     {"look_between", {"i1", "i0 q", "q"}, true, 0, false},
     {"insert_batch", {"i1", "bb"}, true, 0, false},
+    // A record is there in all of its cells or in none.
+    {"across", {"x1", "l r"}, true, 0, false},
+    {"across_back", {"x1", "r l"}, true, 0, false},
     // Beside a packed cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
     {"install_node", {"i3", "i3"}, true, 0, false, "packed"},
     {"node_query", {"i3", "q"}, true, 0, false, "packed"},
@@ -85,7 +89,7 @@ unsigned thread_count(const Scenario& s) noexcept {
 }
 
 Stage::Stage() : validity_(kPlaces, kSizes) {
-  for (std::uint32_t i = 0; i < kPlaces; ++i) places_[i] = {glm::vec3(kCorner[i]), {0.0f, 0.0f, 1.0f}};
+  for (std::uint32_t i = 0; i < kPlaces; ++i) places_[i] = {kWhere[i], {0.0f, 0.0f, 1.0f}};
   for (std::uint32_t kind = 0; kind < validity_.kinds(); ++kind) {
     for (std::uint32_t place = 0; place < kPlaces; ++place) {
       if (split_sphere_weight(places_[place], record(kind, 0), CacheConfig{}.a) > 0.0f)

@@ -1,7 +1,8 @@
 // Small programs on a cache that the explorer runs under every schedule, and what their answers are judged by.
 //
-// A scenario says what each thread does; all that happens is at one place in a corner, so that a query looks
-// into one cell of each level and steps are few. Records come in four sizes: size 0 belongs in the root, 1, 2 and 3
+// A scenario says what each thread does; nearly all that happens is at one place in a corner, so that a query looks
+// into one cell of each level and steps are few. Where it matters that a record is known in several cells there are two
+// places to the left and right of where cells meet. Records come in four sizes: size 0 belongs in the root, 1, 2 and 3
 // one, two and five levels below, where nodes are installed on the way. (The packed octree keeps what is small and
 // alone up to two levels above: of the first three only records that find the root crowded leave it.)
 //
@@ -32,8 +33,8 @@ namespace icbench::stress::explore {
 
 struct Scenario {
   std::string_view name;
-  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries, "bb" queries twice in one batch;
-  /// separated by blanks.
+  /// Per thread its operations: "i1" inserts a record of size 1, "q" queries, "bb" queries twice in one batch; "x1"
+  /// inserts a record that is valid to the left and to the right, "l" and "r" query there; separated by blanks.
   std::array<std::string_view, kMaxThreads> threads;
   /// Sessions have drawn their tickets and memory, as in the middle of a run: fewer steps.
   bool is_warm;
@@ -60,9 +61,10 @@ constexpr std::string_view name_of(Stamping s) noexcept {
 /// The records and queries of scenarios.
 class Stage {
  public:
-  static constexpr std::uint32_t kSizes = 4, kPlaces = 3;
-  /// Where scenarios happen, where sessions warm up, and in the cells of the former but out of its records' reach.
-  static constexpr std::uint32_t kHere = 0, kElsewhere = 1, kNearby = 2;
+  static constexpr std::uint32_t kSizes = 4, kPlaces = 5;
+  /// Where scenarios happen, where sessions warm up, in the cells of the former but out of its records' reach, and on
+  /// either side of where the cells one level below the root meet.
+  static constexpr std::uint32_t kHere = 0, kElsewhere = 1, kNearby = 2, kLeft = 3, kRight = 4;
 
   Stage();
   const SurfacePoint& place(std::uint32_t i) const noexcept { return places_[i]; }

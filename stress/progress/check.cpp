@@ -128,8 +128,7 @@ class ProgressCheck {
       const std::uint64_t points = run_alone(setting, kThird + 1);
       if (is_alone_) continue;
       stop_everywhere(setting, points);
-      if (setting.is_interfered || (options_.is_long && setting.pool != Pool::scarce))
-        interfere(setting, points);
+      if (setting.is_interfered || options_.is_long) interfere(setting, points);
     }
   }
 

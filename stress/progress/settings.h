@@ -36,7 +36,7 @@ inline std::vector<Setting> insert_settings() {
   settings.push_back({{{2, 1}}, {Type::insert, 3}, true});
   // Where every allocation has to go to a pool that has no whole piece left.
   for (const std::uint32_t kind : {0u, 3u})
-    settings.push_back({{}, {Type::insert, kind}, false, Pool::scarce});
+    settings.push_back({{}, {Type::insert, kind}, true, Pool::scarce});
   return settings;
 }
 

@@ -13,8 +13,8 @@ inline constexpr int kBlockSide = 4;  ///< pixels
 
 /// sqrt(mean(d^2)) / mean(ref), where d is the difference of block averages per channel; blocks of 4 x 4
 /// pixels, smaller at the right and lower edge, each weighed by its number of pixels. Dimensionless; 0 if
-/// both images are black. Map: |d| / mean(ref) per channel, over each block. Throws if the reference has no
-/// light and the image has some.
+/// both images are black, none if only the reference has no light. Map: |d| / mean(ref) per channel, over each
+/// block.
 inline std::vector<MetricValue> block_rmse(const Image& reference, const Image& image, Image* map) {
   check_comparable(reference, image);
   const double mean = channel_mean(reference);
@@ -59,8 +59,7 @@ inline std::vector<MetricValue> block_rmse(const Image& reference, const Image& 
   const double block_mse = sum / (3.0 * static_cast<double>(reference.pixels.size()));
   if (is_scaled) return {{"", std::sqrt(block_mse) / mean}};
   if (mean == 0.0 && block_mse == 0.0) return {{"", 0.0}};
-  throw std::runtime_error(
-      "block_rmse: the mean of the reference is not positive, so there is no share of it");
+  return {{"", std::nullopt}};
 }
 
 }  // namespace icbench

@@ -6,7 +6,7 @@
 // 1 for patches of pure green and pure blue (black against white: 0.967).
 //
 // Costs: linear in pixels and exposures, about 0.4 s an exposure for 2 million pixels on one core; 100 bytes
-// a pixel. There is an exposure for each stop between the median and the maximum of the reference, some ten
+// a pixel. There are as many exposures as stops between the median and the maximum of the reference, some ten
 // for a room with a lamp. Results do not depend on the number of threads.
 #pragma once
 
@@ -23,7 +23,8 @@ struct FlipExposures {
 };
 
 /// From the one that maps the reference's largest luminance to 85 % of white to the one that maps its median
-/// there, in steps of at most about a stop (2021, section 4). Where more than half of the reference is black
+/// there, as many as there are stops between them, rounded up, two at least, so that a step is two stops at most
+/// (2021, section 4). Where more than half of the reference is black
 /// the median of the rest is taken; a black reference gets exposure 0 alone.
 FlipExposures flip_exposures(const Image& reference);
 

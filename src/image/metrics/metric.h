@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <vector>
@@ -22,8 +23,14 @@ namespace icbench {
 /// One figure of a metric. A metric with a single figure leaves the name empty.
 struct MetricValue {
   std::string_view name;
-  double value;
+  std::optional<double> value;  ///< none where the reference has no light that it could be a share of
 };
+
+/// The first figure. Throws std::runtime_error with one line if there is none.
+inline double first_of(const std::vector<MetricValue>& values) {
+  if (const auto& value = values.at(0).value) return *value;
+  throw std::runtime_error("the reference is black, so that nothing is a share of its light");
+}
 
 /// Compares `image` to `reference`. If `map` is given it becomes an image of the error, which every metric
 /// describes. Throws std::runtime_error with one line if the images cannot be compared.
@@ -45,13 +52,14 @@ using PaintFunction = Image (*)(const Image& map, const Image& reference);
 struct Metric {
   std::string_view name;
   ViewedMetricFunction compute;
+  int bytes;                ///< that the images and the work on them take at least, a pixel
   bool has_map;             ///< whether `map` is filled
   PaintFunction paint;      ///< or nullptr: the map has no colours of its own
   std::string_view closer;  ///< what a value says, and which value says "equal"
   std::string_view source;  ///< publication, or "this project"
 };
 
-/// Throws unless the images are of one valid size and finite.
+/// Throws unless the images are of one valid size, of one place in the whole picture, and finite.
 inline void check_comparable(const Image& reference, const Image& image) {
   for (const Image* each : {&reference, &image}) {
     const char* which = each == &reference ? "the reference" : "the image";
@@ -65,6 +73,11 @@ inline void check_comparable(const Image& reference, const Image& image) {
   if (reference.width != image.width || reference.height != image.height) {
     throw std::runtime_error(fmt::format("cannot compare images of {} x {} and {} x {} pixels",
                                          reference.width, reference.height, image.width, image.height));
+  }
+  if (reference.left != image.left || reference.top != image.top) {
+    throw std::runtime_error(
+        fmt::format("cannot compare parts of pictures that begin at pixel ({}, {}) and at ({}, {})",
+                    reference.left, reference.top, image.left, image.top));
   }
 }
 

@@ -1,4 +1,4 @@
-#include "workload/memory.h"
+#include "files/memory.h"
 
 #include <fmt/format.h>
 

@@ -1,0 +1,75 @@
+// Pictures of many samples and of many frames.
+#include <gtest/gtest.h>
+
+#include "harness/thread_team.h"
+#include "scene/room.h"
+#include "scene/shapes.h"
+#include "workload/frame_renderer.h"
+
+namespace icbench {
+namespace {
+
+FrameRequest request_of(RayTracer& rays, ThreadTeam& team, std::string_view integrator) {
+  FrameRequest request{rays, team, find_integrator(integrator), find_cache("packed_wait_free")};
+  request.gather = 16;
+  request.a = 0.2f;
+  return request;
+}
+
+// Guards against: sums of millions of floats, each of which loses what is below the last digit of all before.
+TEST(Frames, TheMeanOfManyEqualSamplesIsTheirs) {
+  Scene s;
+  const glm::vec3 emission(0.7f, 0.6f, 0.55f);
+  s.add_material({.emission = emission});
+  s.meshes.push_back(quad("lamp", {-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, 0));
+  RayTracer rays(std::move(s));
+  ThreadTeam team(Topology::of_this_process(), Placement::none, 1);
+  FrameRequest request = request_of(rays, team, "whitted");
+  request.width = request.height = 1;
+  request.spp = 1 << 16;
+  FrameRenderer renderer(request);
+  renderer.render(0);
+  const glm::vec3 mean = renderer.picture().pixels.at(0);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[c] / emission[c], 1.0f, 1e-6f);
+}
+
+/// A corridor with lamps, through which the camera moves a metre a frame.
+Scene corridor(std::uint32_t metres) {
+  Scene s;
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(4)});
+  const auto length = static_cast<float>(metres);
+  add_room(s, {{-1, 0, -2}, {1, 2, length + 8.0f}}, {white, white, white, white, white, white});
+  for (float z = 0.0f; z < length + 8.0f; z += 4.0f)
+    s.meshes.push_back(quad("lamp", {-0.2f, 1.99f, z}, {0.4f, 0, 0}, {0, 0, 0.4f}, lamp));
+  s.frames = metres;
+  s.camera_path = [](float frame) { return Camera{{0, 1, frame}, {0, 0.8f, frame + 1.0f}, {0, 1, 0}, 1.0f}; };
+  return s;
+}
+
+// Guards against: a cache that is full for ever once a long way has filled it, so that every pixel gathers for itself.
+TEST(Frames, ACacheThatIsFullIsNotFullForEver) {
+  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
+    constexpr std::uint32_t kFrames = 150;
+    RayTracer rays(corridor(kFrames));
+    ThreadTeam team(Topology::of_this_process(), Placement::none, 2);
+    FrameRequest request = request_of(rays, team, "irradiance_cache");
+    request.interpolation = level;
+    request.a = 0.06f;
+    request.width = 24;
+    request.height = 18;
+    FrameRenderer renderer(request);
+    std::uint32_t full = 0, row = 0;
+    for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+      const CacheUse use = renderer.render(frame).pass.use;
+      row = use.full > use.queries / 16 ? row + 1 : 0;
+      full += use.full > 0;
+      ASSERT_LE(row, 1u) << "frame " << frame << ": " << use.full << " of " << use.queries
+                         << " found no room";
+    }
+    EXPECT_GT(full, 0u) << "the way is too short to fill the cache";
+  }
+}
+
+}  // namespace
+}  // namespace icbench
