@@ -50,12 +50,12 @@ Scene corridor(std::uint32_t metres) {
 // Guards against: a cache that is full for ever once a long way has filled it, so that every pixel gathers for itself.
 TEST(Frames, ACacheThatIsFullIsNotFullForEver) {
   for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
-    constexpr std::uint32_t kFrames = 150;
+    constexpr std::uint32_t kFrames = 300;
     RayTracer rays(corridor(kFrames));
     ThreadTeam team(Topology::of_this_process(), Placement::none, 2);
     FrameRequest request = request_of(rays, team, "irradiance_cache");
     request.interpolation = level;
-    request.a = 0.06f;
+    request.a = 0.03f;
     request.width = 24;
     request.height = 18;
     FrameRenderer renderer(request);
