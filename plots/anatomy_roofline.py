@@ -35,10 +35,11 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, roof: dict[str, float]
     for _, line in part.iterrows():
         axes.plot(line["intensity"], line["instructions"] / line["ns"], markersize=layout.marker * 1.7,
                   **_look(line["part"]))
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    height = (0.5 * (part["instructions"] / part["ns"]).min(), 1.5 * top)
+    style.log_axis(axes.xaxis, span)
+    style.log_axis(axes.yaxis, height)
     axes.set_xlim(*span)
-    axes.set_ylim(0.5 * (part["instructions"] / part["ns"]).min(), 1.5 * top)
+    axes.set_ylim(*height)
 
 
 def build(measured: Measured) -> Built:

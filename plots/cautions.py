@@ -64,7 +64,7 @@ def cautions(setup: Setup) -> list[Caution]:
                                   "never measured; go on with the same command and --resume."))
     elif setup.complete is None:
         made.append(Caution(False, "The results do not say whether the run was complete."))
-    made += _of_machine(setup.context, max(map(_load, setup.contexts), default=0.0))
+    made += _of_machine(setup.context, max((_load(c) for c in setup.contexts if not c.get("simulated")), default=0.0))
     over = sorted(rows.loc[rows["oversubscribed"], "threads"].unique())
     if over:
         made.append(Caution(False, f"Oversubscribed: {', '.join(map(str, over))} threads are more than the "

@@ -185,7 +185,7 @@ class Settings:
             what = what if isinstance(what, tuple) else (what,)
             for name in self._of:
                 values = sorted(part[name].dropna().unique()) if name in part else [stated.get(name)]
-                mine[identity, what, name] = " and ".join(f"{v:g}" if isinstance(v, Number) else str(v)
+                mine[identity, what, name] = " and ".join(f"{v:.15g}" if isinstance(v, Number) else str(v)
                                                           for v in values if v is not None)
         for key, value in mine.items():
             earlier, before = self._known.get(key, (path, value))

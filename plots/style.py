@@ -154,7 +154,8 @@ def settings(layout: Layout) -> dict:
         "axes.titlelocation": "left", "axes.titlepad": 4, "axes.grid": True, "axes.axisbelow": True,
         "grid.color": "#e3e3e3", "grid.linewidth": 0.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6,
         "xtick.major.size": 2.5, "ytick.major.size": 2.5, "xtick.color": "#333333", "ytick.color": "#333333",
-        "xtick.major.pad": 2, "ytick.major.pad": 2, "legend.frameon": False, "errorbar.capsize": 0, "lines.dash_capstyle": "butt", "hatch.linewidth": 0.4,
+        "xtick.major.pad": 2, "ytick.major.pad": 2, "legend.frameon": False,
+        "errorbar.capsize": 0, "lines.dash_capstyle": "butt", "hatch.linewidth": 0.4,
     }
 
 

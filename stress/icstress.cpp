@@ -121,8 +121,10 @@ class Run {
     if (options_.preemptions)
       report_.not_examined(fmt::format("Schedules of more than {} preemptions.", *options_.preemptions));
     if (cut_short_ > 0)
-      report_.not_examined(fmt::format(
-          "Schedules of {} scenarios that have more than were looked at (complete: false).", cut_short_));
+      report_.not_examined(
+          fmt::format("Schedules beyond the budget, in {} explorations of a cache, a scenario and a stamping "
+                      "(complete: false).",
+                      cut_short_));
     if (options_.extent == explore::Extent::brief)
       report_.not_examined("Schedules of the long form (icstress --explore long).");
     report_.not_examined(
@@ -142,7 +144,7 @@ class Run {
   const Options& options_;
   std::vector<std::string> caches_;
   std::vector<std::string> checks_;
-  std::size_t cut_short_ = 0;  // scenarios
+  std::size_t cut_short_ = 0;  // explorations
   Report report_;
 };
 

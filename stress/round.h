@@ -206,7 +206,8 @@ class Round {
         }
       }
     }
-    // What the last of these did, and it may be the only one, shows in an epoch without operations.
+    // What the last clear, update or tidying did shows only in another epoch, of no operations; there may have been no
+    // other.
     cache_.begin_frame();
     cache_.end_frame();
     note_contents();

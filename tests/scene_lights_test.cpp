@@ -117,45 +117,68 @@ TEST(SceneEmission, PowerDiffersFromRayToRayByColourOnly) {
     }
 }
 
-// A light far away sends its paths to the scene, with the flux that goes there; one whose cone ends within the scene
+// A light far away sends its paths to the scene, with the flux that goes there; one that does not shine evenly on it
 // keeps its own directions.
 TEST(SceneEmission, FarPointLightsAimAtTheScene) {
-  const glm::vec3 down(0, -1, 0);
+  const glm::vec3 up = glm::normalize(glm::vec3(0.3f, 1.0f, 0.2f)), aside(1, 0, 0);
   struct Far {
+    float distance;
     PointLight light;
     bool is_aimed;
   };
-  for (const float distance : {3.0f, 100.0f, 1e4f, 1e7f}) {
-    const glm::vec3 p(0, distance, 0);
-    for (const auto& [light, is_aimed] :
-         {Far{{.p = p, .intensity = glm::vec3(2)}, true}, Far{{p, glm::vec3(2), down, 0.5f, 0.2f}, true},
-          Far{{p, glm::vec3(2), -down, 0.5f, 0.2f}, false}}) {
-      Scene s;
-      s.meshes.push_back(quad("floor", {-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, s.add_material({})));
-      s.point_lights.push_back(light);
-      prepare(s);
-      Pcg32 random(5);
-      double flux = 0.0;
-      constexpr int kDraws = 20'000;
-      for (int i = 0; i < kDraws; ++i) {
-        const EmittedRay ray = draw(s.lights, random);
-        ASSERT_NEAR(glm::length(ray.d), 1.0f, 1e-5f);
-        const glm::vec3 at = ray.p - ray.p.y / std::min(ray.d.y, -1e-9f) * ray.d;
-        const bool hits = ray.d.y < 0.0f && std::abs(at.x) <= 1.0f && std::abs(at.z) <= 1.0f;
-        if (hits) flux += ray.power.x / kDraws;
-        if (is_aimed) {
-          ASSERT_LE(glm::length(glm::vec2(at.x, at.z)), 2.0f) << distance;
-        }
-      }
-      if (!is_aimed) {
-        EXPECT_EQ(flux, 0.0);
-        continue;
-      }
-      // The solid angle of a square seen from above its centre.
-      const double d = distance, angle = 4.0 * std::asin(1.0 / (1.0 + d * d));
-      EXPECT_NEAR(flux / (2.0 * angle), 1.0, 0.02) << distance;
-    }
+  const glm::vec3 near = 3.0f * up;
+  std::vector<Far> cases = {// Its cone ends within the scene, and it shines everywhere but not evenly.
+                            {3.0f, {near, glm::vec3(2), -up, 0.98f, 0.5f}, false},
+                            {3.0f, {near, glm::vec3(2), aside, 1.0f, -1.0f}, false}};
+  for (const float distance : {3.0f, 100.0f, 1e4f, 1e6f}) {
+    cases.push_back({distance, {.p = distance * up, .intensity = glm::vec3(2)}, true});
+    cases.push_back({distance, {distance * up, glm::vec3(2), -up, 0.5f, 0.2f}, true});
   }
+  for (const auto& [distance, light, is_aimed] : cases) {
+    Scene s;
+    s.meshes.push_back(quad("floor", {-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, s.add_material({})));
+    s.point_lights.push_back(light);
+    prepare(s);
+    // What arrives, by a sum over the floor.
+    constexpr int kSide = 200;
+    double expected = 0.0;
+    for (int i = 0; i < kSide * kSide; ++i) {
+      const auto at = [](int k) { return (2.0f * static_cast<float>(k) + 1.0f) / kSide - 1.0f; };
+      const glm::vec3 d = glm::vec3(at(i % kSide), 0.0f, at(i / kSide)) - light.p;
+      const double length = glm::length(d);
+      const float falloff = spot_falloff(light, glm::dot(glm::normalize(d), light.axis));
+      expected += 2.0 * falloff * (-d.y / (length * length * length)) * 4.0 / (kSide * kSide);
+    }
+    Pcg32 random(5);
+    double flux = 0.0;
+    constexpr int kDraws = 100'000;
+    for (int i = 0; i < kDraws; ++i) {
+      const EmittedRay ray = draw(s.lights, random);
+      ASSERT_NEAR(glm::length(ray.d), 1.0f, 1e-5f);
+      const glm::dvec3 p(ray.p), d(ray.d), at = p - p.y / std::min(d.y, -1e-12) * d;
+      if (d.y < 0.0 && std::abs(at.x) <= 1.0 && std::abs(at.z) <= 1.0) flux += ray.power.x / kDraws;
+      if (is_aimed) {
+        ASSERT_LE(glm::length(glm::cross(d, p)), 1.43 + 0x1p-20 * distance) << "it passes the scene";
+      }
+    }
+    EXPECT_NEAR(flux / expected, 1.0, is_aimed ? 0.03 : 0.1) << distance;
+  }
+}
+
+// Guards against: a sun far away that takes nearly all paths from a lamp that lights the scene as much.
+TEST(SceneEmission, LightsAreDrawnByWhatTheySendToTheScene) {
+  constexpr float kDistance = 1000.0f;
+  Scene s;
+  s.meshes.push_back(quad("floor", {-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, s.add_material({})));
+  s.point_lights.push_back({.p = {0, 0.5f, 0}, .intensity = glm::vec3(1)});
+  s.point_lights.push_back({.p = {0, kDistance, 0}, .intensity = glm::vec3(kDistance * kDistance)});
+  prepare(s);
+  Pcg32 random(3);
+  int near = 0;
+  constexpr int kDraws = 20'000;
+  for (int i = 0; i < kDraws; ++i) near += draw(s.lights, random).p.y < 1.0f;
+  // The far one sends its intensity over a disc of radius sqrt(2), nearly: 2 pi W; the near one 4 pi W.
+  EXPECT_NEAR(near, kDraws * 2.0 / 3.0, 4.0 * std::sqrt(kDraws * 2.0 / 9.0) + 0.002 * kDraws);
 }
 
 // Guards against: a choice by so few random bits that lights of which one has many triangles get a wrong share.

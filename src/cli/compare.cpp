@@ -317,7 +317,6 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
 void compare(const CompareOptions& options) {
   const std::vector<const Metric*> metrics = find_metrics(options.metrics);
   check_viewing(options.viewing);
-  require_apart({{"--json", options.json}}, {{"A", options.reference}, {"B", options.image}});
   if (!options.json.empty()) require_writable("--json", options.json);
   std::error_code none;
   const bool is_folder = fs::is_directory(options.reference, none);

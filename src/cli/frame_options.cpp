@@ -92,10 +92,10 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
   add_positive(app, "--cell-size", o.cell_size, 1e4f,
                "hash_cells: edge of a cell, pixels (a power of two metres\nbelow it)");
   add_whole(app, "--paths", o.paths, 1u, 1u << 20, "hash_cells: light paths from each visible point");
-  app->add_flag("--deterministic", o.deterministic,
-                "The same picture and records for any number of threads and\nany cache that has room; status "
-                "1 where it "
-                "has not");
+  app->add_flag(
+      "--deterministic", o.deterministic,
+      "The same picture and records for any number of threads and\nany cache that has room; status 1 "
+      "where it has not");
   app->add_flag("--overture", o.overture, "Make all records of a cache first, then the picture");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");

@@ -153,7 +153,7 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
   }
   // A regular file is replaced by another that is written beside it (files/output_file.h).
   const bool is_there = std::filesystem::exists(path, none);
-  const bool is_replaced = !is_there || std::filesystem::is_regular_file(path, none);
+  const bool is_replaced = !is_written_in_place(path);
   const std::filesystem::path target =
       std::filesystem::is_symlink(path, none) ? std::filesystem::weakly_canonical(path, none) : path;
   const std::filesystem::path place = target.has_parent_path() ? target.parent_path() : ".";

@@ -238,9 +238,8 @@ void replay_command(const ReplayOptions& o) {
     nlohmann::ordered_json context = environment(topology, info);
     context["work_calibration"] = sweep.work().calibration().to_json();
     context["tick_rate"] = sweep.tick_rate().to_json();
-    const nlohmann::ordered_json configuration = {
-        {"command", "trace replay"},
-        {"trace", fmt::format("{:016x}", trace_checksum(request.workloads.front()))}};
+    const nlohmann::ordered_json configuration = {{"command", "trace replay"},
+                                                  {"trace", key_text(request.workloads.front().checksum)}};
     results = std::make_unique<ResultsWriter>(o.json, context, configuration);
   }
   std::map<std::string, std::vector<Entry>> rows;

@@ -125,7 +125,8 @@ void replace_file(const fs::path& file, const std::function<void(const Descripto
   try {
     if (ftruncate(out.get(), 0) != 0) throw_output_error(file, errno);  // what a kill left behind
     struct stat before {};
-    if (stat(target.c_str(), &before) == 0) fchmod(out.get(), before.st_mode & 0777);  // in vain if another's
+    if (stat(target.c_str(), &before) == 0)
+      fchmod(out.get(), before.st_mode & 0777);  // not of another user's leftover
     write(out);
     sync_file(out, file);
     if (rename(temporary.c_str(), target.c_str()) != 0) throw_output_error(file, errno);

@@ -78,12 +78,12 @@ void check_size(const PngHeader& header, std::size_t file_size) {
 /// set only those that are there.
 std::string with_whole_palette(std::string_view bytes, std::size_t at) {
   constexpr std::uint32_t kWhole = 3 * 256;
-  const std::uint32_t length = std::min(big_endian(bytes.substr(at)), kWhole);
+  const std::uint32_t length = big_endian(bytes.substr(at));
+  if (length % 3 != 0 || length > kWhole) throw std::runtime_error("the palette of the PNG image is wrong");
   std::string whole(bytes.substr(0, at + 8 + length));
   for (std::size_t i = 0; i < 4; ++i) whole[at + i] = static_cast<char>(kWhole >> (24 - 8 * i) & 0xff);
   whole.append(kWhole - length, '\0');
-  whole +=
-      bytes.substr(at + 8 + big_endian(bytes.substr(at)));  // its checksum, which stb skips, and the rest
+  whole += bytes.substr(at + 8 + length);  // its checksum, which stb skips, and the rest
   return whole;
 }
 

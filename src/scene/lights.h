@@ -44,7 +44,7 @@ struct EmittedRay {
   /// Flux it carries over the density of drawing it, W: the mean over draws is the total flux, less what a light far
   /// away sends past the scene.
   glm::vec3 power;
-  bool on_surface;  ///< false: it starts at a point light, away from any surface
+  bool on_surface;  ///< false: it starts at a point light, which no ray meets
 };
 
 /// Share of its axial intensity that a light sends in a direction, in [0, 1]: 1 inside the inner cone, 0 outside the
@@ -58,18 +58,21 @@ class LightTable {
   /// All lights of a checked scene that emit anything, with rigid meshes where they stand at a frame.
   LightTable(const Scene& scene, float frame);
 
-  bool empty() const noexcept { return table_.empty(); }
+  bool empty() const noexcept { return table_.size() == 0; }
   std::size_t size() const noexcept { return table_.size(); }  ///< triangles and point lights
 
   /// Draws a point from three numbers uniform in [0, 1). The table must not be empty. The result refers to the table.
   LightPoint sample(float u_light, float u1, float u2) const noexcept;
 
   /// Density, 1/m^2, with which `sample` draws any one point of an area light that emits this radiance.
-  float pdf_area(const glm::vec3& emission) const noexcept { return channel_sum(emission) * inverse_power_; }
+  float pdf_area(const glm::vec3& emission) const noexcept {
+    return channel_sum(emission) * table_.inverse_power();
+  }
 
   /// Draws the start of a light path from five numbers uniform in [0, 1): the light, two for the point, two for the
   /// direction. The direction has the light's own distribution, of a point light far away within the cone that holds
-  /// the scene, so that all of a light and colour carry the same power. The table must not be empty.
+  /// the scene, and lights are drawn by what they send that way, so that all of a colour carry the same power. The table
+  /// must not be empty.
   EmittedRay emit(float u_light, float u1, float u2, float v1, float v2) const noexcept;
 
   /// Which of its directions a point light sends light paths in: a cone around `axis`, or all.
@@ -85,9 +88,24 @@ class LightTable {
     glm::vec3 n;
     glm::vec3 emission;
   };
-  struct Entry {
-    float keep;           // probability of staying with this entry of the alias table
-    std::uint32_t alias;  // the entry taken otherwise
+  /// Draws lights by their powers.
+  class AliasTable {
+   public:
+    AliasTable() = default;
+    explicit AliasTable(const std::vector<double>& powers);
+
+    std::size_t size() const noexcept { return entries_.size(); }
+    /// 1 / sum of powers, in units of pi W: area times radiance.
+    float inverse_power() const noexcept { return inverse_power_; }
+    std::size_t draw(float u_light, float u1, float u2) const noexcept;
+
+   private:
+    struct Entry {
+      float keep;           // probability of staying with this entry
+      std::uint32_t alias;  // the entry taken otherwise
+    };
+    std::vector<Entry> entries_;
+    float inverse_power_ = 0.0f;
   };
 
   // Finite.
@@ -95,13 +113,13 @@ class LightTable {
     return std::min(rgb.x + rgb.y + rgb.z, std::numeric_limits<float>::max());
   }
 
-  void build_alias_table(const std::vector<double>& powers);
+  LightPoint point_on(std::size_t which, float u1, float u2) const noexcept;
 
-  std::vector<Entry> table_;  // of the area lights, then the point lights
+  AliasTable table_;        // of the area lights, then the point lights
+  AliasTable aimed_table_;  // the same by what goes to the scene, if some lights aim at it
   std::vector<AreaLight> areas_;
   std::vector<PointLight> points_;
-  std::vector<Aim> aims_;       // of each
-  float inverse_power_ = 0.0f;  // 1 / sum of powers, in units of pi W: area times radiance
+  std::vector<Aim> aims_;  // of each
 };
 
 }  // namespace icbench

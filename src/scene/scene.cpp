@@ -202,7 +202,7 @@ Extent extent_of(const Mesh& mesh, const glm::uvec3& t, const glm::dmat3& linear
 }
 
 /// Whether a triangle is dropped however large the scene is, and so counts for nothing. Where a pose may stretch it,
-/// only if it is a line or a point in any.
+/// only if two of its corners are one.
 bool has_no_surface(const Mesh& mesh, const glm::uvec3& t) {
   if (mesh.deform) return false;
   if (!mesh.pose) return extent_of(mesh, t, glm::dmat3(1.0)).is_thin();

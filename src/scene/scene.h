@@ -144,10 +144,11 @@ inline float scene_epsilon(float reach) noexcept { return kEpsilonShare * reach;
 /// Largest |coordinate| of a box.
 float reach_of(const Bounds& bounds) noexcept;
 
-/// Checks the scene, drops triangles too thin or too small to have a normal (counted; deforming meshes keep
-/// theirs), and derives bounds and lights. Idempotent. Throws std::runtime_error with one line if the scene has no
-/// surface, a NaN or infinite vertex, an index out of range, an unphysical material or light, a camera that cannot
-/// look, either of them with a coordinate above 1e15 m, or a size outside [kMinReach, kMaxReach], in any of its frames.
+/// Checks the scene, drops triangles too thin or too small to have a normal (counted; deforming meshes keep theirs),
+/// and derives bounds and lights. Idempotent, but where triangles dropped as too small had widened the bounds. Throws
+/// std::runtime_error with one line if the scene has no surface, a NaN or infinite vertex, an index out of range, an
+/// unphysical material or light, a camera that cannot look, either of them with a coordinate above 1e15 m, or a size
+/// outside [kMinReach, kMaxReach], in any of its frames.
 void prepare(Scene& scene);
 
 /// A hash of what the light in a prepared scene depends on at a frame: shapes and where they stand, materials, textures

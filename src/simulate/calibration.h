@@ -89,8 +89,7 @@ struct CalibratedPlan {
   std::string key;  ///< of the workload: costs do not depend on how long records take
 };
 
-/// What a workload is known by among costs.
-/// Of a trace, by its checksum, which must be known.
+/// What a workload is known by among costs; a trace by its checksum, which must be known.
 std::string workload_key(const WorkloadSpec& spec);
 std::string key_of(std::string_view cache, const std::string& workload_key);
 

@@ -24,6 +24,7 @@ class RememberingSource final : public RecordSource {
   RecordsThen begin_frame(const SceneChange& change, Crew& crew) override {
     return source_->begin_frame(change, crew);
   }
+  void found_no_room() noexcept override { source_->found_no_room(); }
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
     return source_->evaluate(thread, tracer, x, key);
   }

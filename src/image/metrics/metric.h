@@ -29,7 +29,7 @@ struct MetricValue {
 /// The first figure. Throws std::runtime_error with one line if there is none.
 inline double first_of(const std::vector<MetricValue>& values) {
   if (const auto& value = values.at(0).value) return *value;
-  throw std::runtime_error("the reference is black, so that nothing is a share of its light");
+  throw std::runtime_error("the mean of the reference is not positive, so there is no share of it");
 }
 
 /// Compares `image` to `reference`. If `map` is given it becomes an image of the error, which every metric
