@@ -18,6 +18,7 @@
 #include "render/vpl.h"
 #include "render/vpl_compensation.h"
 #include "render/vpl_gather.h"
+#include "scene/room.h"
 #include "trap_invalid.h"
 #include "vpl_support.h"
 
@@ -253,6 +254,33 @@ TEST(RenderVpl, NothingMakesAnIrradianceThatIsNotFinite) {
     }
   }
   EXPECT_EQ(compensate(tracer, hit, VplArrays(), 1.0f, 0, 1).E, glm::vec3(0.0f));
+}
+
+// Guards against: light paths that end in the very surface that their light lies in, by rounding or a hair behind it,
+// though direct light passes there.
+TEST(RenderVpl, APointLightInTheCeilingSendsItsLightIntoTheRoom) {
+  const glm::vec3 n = glm::normalize(glm::vec3(0.3f, 0.2f, 0.9f));
+  const Basis basis(n);
+  const glm::mat3 tilt(basis.s, basis.t, n);
+  for (const float above : {-0.05f, 0.0f, 1e-6f}) {
+    Scene s;
+    const auto grey = s.add_material({.albedo = glm::vec3(0.6f)});
+    add_room(s, {{-1, 0, -1}, {1, 2, 1}}, {grey, grey, grey, grey, grey, grey});
+    for (Mesh& mesh : s.meshes)
+      for (glm::vec3& p : mesh.positions) p = tilt * p;
+    const glm::vec3 light = tilt * glm::vec3(0.1f, 2.0f + above, 0.2f);
+    s.point_lights.push_back({.p = light, .intensity = glm::vec3(1)});
+    const RayTracer rays(std::move(s));
+    const VplSet set = traced_set(rays, 200, 1);
+    std::uint32_t across = 0;  // to another side of the room
+    for (std::uint32_t path = 0; path < set.paths(); ++path) {
+      const float way = glm::distance(set.vertices(path)[1], light);
+      across += way > 0.1f && way < 4.0f;
+    }
+    // The others go up, where nothing is, or end close by in the ceiling; of a hair, about a quarter of epsilon, what
+    // goes down less steeply than that does not get past it, as direct light does not.
+    EXPECT_GE(across, set.paths() / 3) << above;
+  }
 }
 
 // Guards against: divisions by a power or a count that is 0.
