@@ -243,6 +243,10 @@ class Compare(Case):
         self.succeed(*small_render(out="a.exr"))
         figures = json.loads(self.succeed("compare", "a.exr", "a.exr", "--json", "/dev/stdout"))
         self.assertEqual(figures["rmse"], 0)
+        self.assertEqual(json.loads(self.succeed(*small_render(out="a.exr", json="/dev/stdout")))["image"], "a.exr")
+        animation = self.succeed("animate", "--scene", SCENE, "--size", "8x8", "--rays", 1, "--frames", 2, "--format",
+                                 "none", "--json", "/dev/stdout")
+        self.assertEqual(json.loads(animation)["frame_count"], 2)
 
     def test_folders_are_compared_frame_by_frame(self):
         for folder, seeds in ("a", (1, 1)), ("b", (1, 2)):

@@ -140,8 +140,10 @@ void animate_command(const AnimateOptions& o) {
   add_cost(json, integrator, total);
   json["frames"] = std::move(per_frame);
   if (!o.json.empty()) write_json(o.json, json);
-  fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
-             keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
+  if (tells_figures(o.json)) {
+    fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
+               keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
+  }
   require_room(setup.request(), total.pass.use);
 }
 

@@ -324,8 +324,7 @@ void compare(const CompareOptions& options) {
     throw std::runtime_error(fmt::format("'{}' and '{}' must be two images or two folders of frames",
                                          options.reference, options.image));
   }
-  // Standard output may be where the JSON goes.
-  const bool prints = options.json.empty() || !is_written_in_place(options.json);
+  const bool prints = tells_figures(options.json);
   const Json json =
       is_folder ? compare_folders(options, metrics, prints) : compare_images(options, metrics, prints);
   tell_viewing_without_effect(options, metrics);

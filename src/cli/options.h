@@ -165,6 +165,11 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
     refuse(fmt::format("this name is too long; {} characters at most", NAME_MAX - kTemporaryAddition));
 }
 
+/// Whether a command tells its figures in words: not where standard output may be the file of its results.
+inline bool tells_figures(const std::filesystem::path& results) {
+  return results.empty() || !is_written_in_place(results);
+}
+
 /// A file by the option or argument that names it; none if the path is empty.
 struct GivenFile {
   std::string_view name;

@@ -251,7 +251,7 @@ void pareto_command(const ParetoOptions& o) {
   const std::map<std::string, Medians> medians = medians_of(rows);
   if (!o.images.empty()) write_images(o, study, points, medians);
   results.finish();
-  if (fs::is_regular_file(o.out)) print_front(medians);  // standard output may be where the results went
+  if (tells_figures(o.out)) print_front(medians);
   progress.finish();
 }
 

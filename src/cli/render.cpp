@@ -187,10 +187,12 @@ void render_command(const RenderOptions& o) {
   if (cost.residual) add_residual(json, o, cost);
   json["image"] = std::filesystem::path(o.out).filename().string();
   if (!o.json.empty()) write_json(o.json, json);
-  fmt::print("{}: {:.2f} s, {:.1f} million rays a second{}\n", o.out, cost.seconds,
-             1e-6 * static_cast<double>(cost.rays.total()) / cost.seconds,
-             integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
-  if (cost.residual) fmt::print("{}", told(*cost.residual));
+  if (tells_figures(o.json)) {
+    fmt::print("{}: {:.2f} s, {:.1f} million rays a second{}\n", o.out, cost.seconds,
+               1e-6 * static_cast<double>(cost.rays.total()) / cost.seconds,
+               integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
+    if (cost.residual) fmt::print("{}", told(*cost.residual));
+  }
   require_room(setup.request(), cost.pass.use);
 }
 
