@@ -124,7 +124,9 @@ TEST(ImportRadiance, WhatLightsLeaveOutIsNamed) {
   EXPECT_FALSE(has_note(read("metal m 0 0 5 .5 .5 .5 .9 0"), "gloss")) << "a mirror";
   EXPECT_TRUE(
       has_note(read("plastic wall 0 0 5 .5 .5 .5 0 0\nvoid illum m 1 wall 0 3 5 6 7"), "how illum looks"));
-  EXPECT_FALSE(has_note(read("light m 0 0 3 5 6 7"), "left out"));
+  for (const char* emission : {"5 -1 7", "2e12 6 7"})
+    EXPECT_TRUE(has_note(read(std::string("light m 0 0 3 ") + emission), "emission below 0 or above 1e12"));
+  EXPECT_FALSE(has_note(read("light m 0 0 3 5 0 1e12"), "left out"));
 }
 
 TEST(ImportRadiance, ACylinderOfNegativeRadiusIsATube) {

@@ -81,11 +81,9 @@ class AssimpReader {
       return std::isfinite(value) ? value : fallback;
     };
     const float strength = number(AI_MATKEY_EMISSIVE_INTENSITY, 1.0f);
-    for (int c = 0; c < 3; ++c) {
+    for (int c = 0; c < 3; ++c)
       m.albedo[c] = std::isfinite(colour(diffuse)[c]) ? std::clamp(colour(diffuse)[c], 0.0f, 1.0f) : 0.0f;
-      m.emission[c] =
-          std::isfinite(colour(emitted)[c]) ? std::clamp(strength * colour(emitted)[c], 0.0f, 1e12f) : 0.0f;
-    }
+    m.emission = emitted_radiance(static_cast<double>(strength) * glm::dvec3(colour(emitted)), model_.notes);
     const float opacity = number(AI_MATKEY_OPACITY, 1.0f), ior = number(AI_MATKEY_REFRACTI, 1.5f);
     const float metallic = number(AI_MATKEY_METALLIC_FACTOR, 0.0f);
     const bool glass =

@@ -114,8 +114,8 @@ class MaterialReader {
     material.numbers("emissiveFactor", factor, 3);
     const auto strength = extension(material, "KHR_materials_emissive_strength");
     const double scale = strength ? strength->number("emissiveStrength", 1.0) : 1.0;
-    glm::vec3 emitted;
-    for (int c = 0; c < 3; ++c) emitted[c] = static_cast<float>(std::clamp(scale * factor[c], 0.0, 1e12));
+    const glm::vec3 emitted =
+        emitted_radiance(scale * glm::dvec3(factor[0], factor[1], factor[2]), model_.notes);
     if (emitted == glm::vec3(0.0f)) return emitted;
     const auto texture = with_picture(material.find("emissiveTexture"));
     if (!texture) return emitted;

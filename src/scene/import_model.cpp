@@ -436,6 +436,19 @@ float refracting_index(double n, Notes& notes) {
   return std::max(static_cast<float>(n), 1.0001f);
 }
 
+glm::vec3 emitted_radiance(const glm::dvec3& stated, Notes& notes) {
+  constexpr double kMost = 1e12;
+  glm::vec3 emitted;
+  bool is_cut = false;
+  for (int c = 0; c < 3; ++c) {
+    const double counts = std::min(std::max(0.0, stated[c]), kMost);  // 0 for a NaN
+    is_cut |= counts != stated[c];
+    emitted[c] = static_cast<float>(counts);
+  }
+  if (is_cut) notes.drop("emission below 0 or above 1e12");
+  return emitted;
+}
+
 ImportedScene assemble(Model model) {
   const std::string file = model.file;
   try {

@@ -95,6 +95,10 @@ struct Model {
 /// becomes 1.5 with a note.
 float refracting_index(double n, Notes& notes);
 
+/// What a file says that a material emits, W/(m^2 sr): within [0, 1e12], with a note if it was not; what is no number
+/// becomes 0.
+glm::vec3 emitted_radiance(const glm::dvec3& stated, Notes& notes);
+
 /// Places, joins and recentres everything. Throws std::runtime_error with one line.
 ImportedScene assemble(Model model);
 

@@ -155,8 +155,7 @@ class RadianceReader {
         model_.notes.drop("gloss of plastic and metal");
     } else if (p.type == "light" || p.type == "glow" || p.type == "illum" || p.type == "spotlight") {
       need(p, 3, 7);
-      for (std::size_t c = 0; c < 3; ++c)
-        m.emission[static_cast<int>(c)] = static_cast<float>(std::clamp(p.reals[c], 0.0, 1e12));
+      m.emission = emitted_radiance({p.reals[0], p.reals[1], p.reals[2]}, model_.notes);
       if (p.type == "spotlight") model_.notes.drop("cones of spotlights");
       if (p.type == "glow" && p.reals.size() > 3 && p.reals[3] != 0.0) model_.notes.drop("radii of glow");
       if (p.type == "illum") model_.notes.drop("how illum looks when it is seen");
