@@ -180,12 +180,13 @@ TEST(Png, EveryLevelSurvivesARoundTrip) {
   EXPECT_TRUE(is_same(read_image(folder / "image.PNG"), image));
 }
 
+std::string big_endian(std::size_t value) {
+  std::string bytes;
+  for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(value >> shift);
+  return bytes;
+}
+
 std::string png_chunk(std::string_view type, const std::string& data) {
-  const auto big_endian = [](std::size_t value) {
-    std::string bytes;
-    for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(value >> shift);
-    return bytes;
-  };
   const std::string body = std::string(type) + data;
   return big_endian(data.size()) + body +
          big_endian(crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size())));
@@ -236,6 +237,20 @@ TEST(Png, ColoursThatAPaletteLacksAreBlack) {
     for (std::size_t i = 0; i < 127; ++i)
       EXPECT_EQ(image.pixels.at(i), glm::vec3(2 * i < 3 ? 1.0f : 0.0f)) << i;
   }
+}
+
+TEST(Png, SamplesAreReadByTheGammaThatTheFileStates) {
+  const auto read = [](const std::string& before) {
+    return decode_png(one_row_png(3, 8, 0, {'\0', '\x80', '\xff'}, before)).pixels;
+  };
+  const float half = 128.0f / 255.0f;
+  const std::vector<glm::vec3> srgb = {glm::vec3(0.0f), glm::vec3(linear_from_srgb(half)), glm::vec3(1.0f)};
+  const std::string light = png_chunk("gAMA", big_endian(100'000));
+  EXPECT_EQ(read(light), (std::vector{glm::vec3(0.0f), glm::vec3(half), glm::vec3(1.0f)}));
+  EXPECT_FLOAT_EQ(read(png_chunk("gAMA", big_endian(50'000))).at(1).r, half * half);
+  EXPECT_EQ(read(png_chunk("gAMA", big_endian(45'455))), srgb) << "what writers of sRGB state";
+  EXPECT_EQ(read(light + png_chunk("sRGB", {'\0'})), srgb) << "which has precedence";
+  EXPECT_EQ(read(png_chunk("gAMA", big_endian(0))), srgb) << "which means nothing";
 }
 
 TEST(Png, ExposureScalesAndWhiteClips) {

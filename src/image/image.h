@@ -56,8 +56,8 @@ struct WriteOptions {
 void write_image(const std::filesystem::path& path, const Image& image, const WriteOptions& options = {});
 
 /// Reads .exr (scan lines; the data window, and where in the display window that lies; channels R G B, or Y alone
-/// as grey) or .png (any colour type; alpha is ignored; [0, 1]). Values of an EXR file are returned as they are,
-/// NaN and negative ones too.
+/// as grey) or .png (any colour type; sRGB, or the gamma that the file states; alpha is ignored; [0, 1]). Values of
+/// an EXR file are returned as they are, NaN and negative ones too.
 Image read_image(const std::filesystem::path& path);
 
 }  // namespace icbench

@@ -31,7 +31,11 @@ struct PngHeader {
   std::int64_t width, height;
   int bit_depth, colour_type;
   std::size_t palette;  // where the PLTE chunk begins; 0 without one
+  float gamma;          // samples are light to this power (gAMA); 0: as sRGB has it
 };
+
+/// A gAMA chunk's number within this of 1 / 2.2 is what writers of sRGB put there.
+constexpr float kSameGamma = 0.005f;
 
 /// Checks the signature and every chunk's length and checksum up to IEND (PNG specification, section 5).
 PngHeader check_chunks(std::string_view bytes) {
@@ -39,6 +43,7 @@ PngHeader check_chunks(std::string_view bytes) {
   const std::size_t size = bytes.size();
   bytes.remove_prefix(kSignature.size());
   PngHeader header{};
+  bool has_space = false;  // a chunk that has precedence over gAMA
   for (bool first = true;; first = false) {
     if (bytes.size() < 12 || big_endian(bytes) > bytes.size() - 12) {
       throw std::runtime_error("the PNG image ends too early");
@@ -51,9 +56,15 @@ PngHeader check_chunks(std::string_view bytes) {
     const std::string_view type = body.substr(0, 4);
     if (first != (type == "IHDR") || (first && length != 13))
       throw std::runtime_error("the PNG header is wrong");
-    if (first) header = {big_endian(body.substr(4)), big_endian(body.substr(8)), body[12], body[13], 0};
+    if (first) header = {big_endian(body.substr(4)), big_endian(body.substr(8)), body[12], body[13], 0, 0.0f};
     if (type == "PLTE") header.palette = size - bytes.size();
-    if (type == "IEND") return header;
+    if (type == "gAMA" && length == 4)
+      header.gamma = static_cast<float>(big_endian(body.substr(4))) / 100'000.0f;
+    has_space |= type == "sRGB" || type == "iCCP" || type == "cICP";
+    if (type == "IEND") {
+      if (has_space || std::abs(header.gamma - 1.0f / 2.2f) < kSameGamma) header.gamma = 0.0f;
+      return header;
+    }
     bytes.remove_prefix(12 + length);
   }
 }
@@ -88,7 +99,7 @@ std::string with_whole_palette(std::string_view bytes, std::size_t at) {
 }
 
 template <class Sample, class Load>
-Image decode(std::string_view bytes, Load load, float white) {
+Image decode(std::string_view bytes, Load load, float white, float gamma) {
   Image image;
   int channels = 0;
   const std::unique_ptr<Sample, void (*)(void*)> samples(
@@ -98,11 +109,12 @@ Image decode(std::string_view bytes, Load load, float white) {
   if (!samples) throw std::runtime_error(fmt::format("the PNG image is damaged ({})", stbi_failure_reason()));
   const std::size_t count = static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height);
   image.pixels.reserve(count);
-  for (const Sample* s = samples.get(); s != samples.get() + 3 * count; s += 3) {
-    image.pixels.emplace_back(linear_from_srgb(static_cast<float>(s[0]) / white),
-                              linear_from_srgb(static_cast<float>(s[1]) / white),
-                              linear_from_srgb(static_cast<float>(s[2]) / white));
-  }
+  const auto linear = [&](Sample sample) {
+    const float encoded = static_cast<float>(sample) / white;
+    return gamma == 0.0f ? linear_from_srgb(encoded) : std::pow(encoded, 1.0f / gamma);
+  };
+  for (const Sample* s = samples.get(); s != samples.get() + 3 * count; s += 3)
+    image.pixels.emplace_back(linear(s[0]), linear(s[1]), linear(s[2]));
   return image;
 }
 
@@ -146,8 +158,8 @@ Image decode_png(std::string_view bytes) {
   check_size(header, bytes.size());
   std::string whole;
   if (header.palette != 0) bytes = whole = with_whole_palette(bytes, header.palette);
-  return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f)
-                                : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f);
+  return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f, header.gamma)
+                                : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f, header.gamma);
 }
 
 }  // namespace icbench
