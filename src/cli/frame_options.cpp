@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "cli/options.h"
 #include "files/memory.h"
+#include "render/hidden_lamps.h"
 #include "scene/registry.h"
 #include "workload/names.h"
 
@@ -136,6 +137,13 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
     notes_.push_back(
         fmt::format("{} triangle{} without a surface, or too small beside the whole scene, left out", dropped,
                     dropped == 1 ? "" : "s"));
+  }
+  // Less is what corners of lamps that stand on something may have.
+  if (const auto hidden = hidden_lamps(*rays_); hidden && hidden->share > 0.01) {
+    notes_.push_back(fmt::format(
+        "lamps lie in the plane of another surface (mesh '{}'), which {:.0f} % of the rays to them meet; "
+        "move them off it",
+        rays_->scene().meshes[hidden->mesh].name, 100.0 * hidden->share));
   }
   request_ =
       std::make_unique<FrameRequest>(FrameRequest{*rays_,  *team_,          integrator, cache,
