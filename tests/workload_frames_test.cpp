@@ -33,25 +33,28 @@ TEST(Frames, TheMeanOfManyEqualSamplesIsTheirs) {
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[c] / emission[c], 1.0f, 1e-6f);
 }
 
-/// A corridor with lamps, through which the camera moves a metre a frame.
-Scene corridor(std::uint32_t metres) {
+/// A corridor with lamps, through which the camera moves `step` metres a frame: little of what a frame sees was near
+/// enough before for its records to do.
+Scene corridor(std::uint32_t frames, float step) {
   Scene s;
   const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
   const auto lamp = s.add_material({.emission = glm::vec3(4)});
-  const auto length = static_cast<float>(metres);
+  const float length = step * static_cast<float>(frames);
   add_room(s, {{-1, 0, -2}, {1, 2, length + 8.0f}}, {white, white, white, white, white, white});
   for (float z = 0.0f; z < length + 8.0f; z += 4.0f)
     s.meshes.push_back(quad("lamp", {-0.2f, 1.99f, z}, {0.4f, 0, 0}, {0, 0, 0.4f}, lamp));
-  s.frames = metres;
-  s.camera_path = [](float frame) { return Camera{{0, 1, frame}, {0, 0.8f, frame + 1.0f}, {0, 1, 0}, 1.0f}; };
+  s.frames = frames;
+  s.camera_path = [step](float frame) {
+    return Camera{{0, 1, step * frame}, {0, 0.8f, step * frame + 1.0f}, {0, 1, 0}, 1.0f};
+  };
   return s;
 }
 
 // Guards against: a cache that is full for ever once a long way has filled it, so that every pixel gathers for itself.
 TEST(Frames, ACacheThatIsFullIsNotFullForEver) {
   for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
-    constexpr std::uint32_t kFrames = 300;
-    RayTracer rays(corridor(kFrames));
+    constexpr std::uint32_t kFrames = 150;
+    RayTracer rays(corridor(kFrames, 5.0f));
     ThreadTeam team(Topology::of_this_process(), Placement::none, 2);
     FrameRequest request = request_of(rays, team, "irradiance_cache");
     request.interpolation = level;
