@@ -198,6 +198,56 @@ TEST(Memory, PlainMemoryThatIsNotPublishedIsARace) {
   EXPECT_EQ(ordered.outcomes, (std::set<Outcome>{{0}, {7}}));
 }
 
+/// Word 1 is set to zero and published in word 0, then used.
+Found zeroed(std::memory_order store, std::memory_order load, const std::function<void(Litmus&)>& use) {
+  return explore({[=](Litmus& l) {
+                    ModelSync::zeroes(&l.w[1], sizeof l.w[1]);
+                    l.w[0].store(1, store);
+                    l.w[1].fetch_add(1, kRelaxed);
+                  },
+                  [=](Litmus& l) {
+                    if (l.w[0].load(load) == 1) use(l);
+                  }},
+                 1);
+}
+
+TEST(Memory, StepsOnAWordWhoseZeroIsNotPublishedAreARace) {
+  const auto reads = [](Litmus& l) { l.r[0] = l.w[1].load(kAcquire) + 1; };
+  const auto adds = [](Litmus& l) { l.r[0] = l.w[1].fetch_add(1, kAcqRel) + 1; };
+  for (const auto& use : {std::function<void(Litmus&)>(reads), std::function<void(Litmus&)>(adds)}) {
+    EXPECT_GT(zeroed(kRelaxed, kAcquire, use).races, 0u);
+    EXPECT_GT(zeroed(kRelease, kRelaxed, use).races, 0u);
+    const Found ordered = zeroed(kRelease, kAcquire, use);
+    EXPECT_EQ(ordered.races, 0u);
+    EXPECT_EQ(ordered.outcomes, (std::set<Outcome>{{0}, {1}, {2}}));
+  }
+}
+
+TEST(Memory, WordsInUseAreNotSetToZero) {
+  const auto found = explore({[](Litmus& l) {
+                                l.w[1].store(1, kRelaxed);
+                                l.w[0].store(1, kRelease);
+                              },
+                              [](Litmus& l) {
+                                if (l.w[0].load(kAcquire) == 1) ModelSync::zeroes(&l.w[1], sizeof l.w[1]);
+                              }},
+                             0);
+  EXPECT_GT(found.races, 0u) << "though all is ordered";
+  EXPECT_FALSE(found.outcomes.empty());
+}
+
+TEST(Memory, PlainMemoryThatIsSetToZeroIsWritten) {
+  const auto found = explore({[](Litmus& l) {
+                                ModelSync::zeroes(&l.plain, sizeof l.plain);
+                                l.w[0].store(1, kRelaxed);
+                              },
+                              [](Litmus& l) {
+                                if (l.w[0].load(kAcquire) == 1) ModelSync::reads(&l.plain, sizeof l.plain);
+                              }},
+                             0);
+  EXPECT_GT(found.races, 0u);
+}
+
 TEST(Memory, ALockOrdersWhatIsDoneUnderIt) {
   const auto thread = [](unsigned t) {
     return [=](Litmus& l) {

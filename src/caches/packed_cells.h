@@ -9,7 +9,7 @@
 // for memory three times as a rule: for a brick's entry, for a cell with all its lanes, and for the records.
 //
 // Publication pair P2: install, CAS release of the word of a brick, node, cell or further lanes -> whoever follows it,
-// load acquire; publishes what it points at, and with it the zeroing of its memory by a clear in another thread.
+// load acquire; publishes what it points at, and with it the zeroing of its memory by the session that took it ahead.
 //
 // The levels in use are read and set relaxed: an insert notes its level before it marks the record, so whoever has seen
 // the record, or what its thread did afterwards, sees the level. What a brick says of further lanes is a hint for
@@ -215,9 +215,9 @@ class PackedCells {
   void prefault(Workspace& w, std::uint32_t n) noexcept {
     grid_.populate(dense_entries());
     bricks_.populate(std::min(sessions_ * n, expected_bricks_));
-    w.nodes_.prefault(nodes_, n / kPerNode, kNodeBytes);
-    w.cells_.prefault(cells_, n / kPerCell, kCellBytes);
-    w.more_.prefault(more_, n / kPerMore, kMoreBytes);
+    w.nodes_.prefault(nodes_, n / kPerNode);
+    w.cells_.prefault(cells_, n / kPerCell);
+    w.more_.prefault(more_, n / kPerMore);
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {

@@ -139,9 +139,7 @@ class PackedRecords {
   }
 
   /// Takes and touches memory for about n records of one session, ahead.
-  void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.table_.prefault(table_, n, sizeof(Stored));
-  }
+  void prefault(Workspace& workspace, std::uint32_t n) noexcept { workspace.table_.prefault(table_, n); }
   /// Touches memory for about n records behind `offset` others. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept { table_.touch(offset, n); }
 

@@ -11,7 +11,7 @@
 //   P1  publish -> shows, by the slot's mark (caches/visibility.h); publishes the item
 //
 //   P3  install: link CAS release          -> follow, visit: link load acquire; publishes the segment, and with it the
-//                                             zeroing of its memory by a reset in another thread
+//                                             zeroing of its memory by a session that took it ahead
 //
 // Progress: append is wait-free; at most 12 links are followed, each by one load and, if it is empty, one allocation
 // (4 steps, core/arena.h) and one CAS; with the count's load and fetch_add 12 * 6 + 2 = 74 steps, and those that
@@ -262,7 +262,7 @@ class SlotPool {
 
   /// Takes and touches memory for n records, ahead.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.cursor_.prefault(pool_, std::min<std::uint32_t>(n, 1u << 26) * kWorstUnits, kUnitBytes);
+    workspace.cursor_.prefault(pool_, std::min<std::uint32_t>(n, 1u << 26) * kWorstUnits);
   }
   /// Touches memory for n records behind `offset` others, without taking it. Quiescent.
   void touch(std::uint32_t offset, std::uint32_t n) noexcept {

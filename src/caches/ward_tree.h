@@ -9,7 +9,7 @@
 // Publication pairs (StdSync); P1 and P3 are those of the lists
 //
 //   P2  install: child CAS release  -> descend, visit: child load acquire; publishes the node, and with it the zeroing
-//                                      of its memory by a clear in another thread
+//                                      of its memory by a session that took it ahead
 //
 // Progress (StdSync), in steps on shared memory; D = kMaxLevel = 20
 //
@@ -210,7 +210,7 @@ class WardTree {
 
   /// Takes and touches memory for about n inserts of one session, ahead.
   void prefault(Workspace& workspace, std::uint32_t n) noexcept {
-    workspace.nodes_.prefault(nodes_, n, kNodeBytes);
+    workspace.nodes_.prefault(nodes_, n);
     slots_.prefault(workspace.slots_, n);
   }
   /// Touches memory for about n inserts behind `offset` others. Quiescent.

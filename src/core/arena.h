@@ -86,6 +86,13 @@ class Arena {
 
   void* at(UnitIndex i) const noexcept { return base_ + bytes(i); }
 
+  /// Touches the pages of `n` units from `first` on, which the caller has taken and nobody has used, by setting them to
+  /// zero.
+  void touch_taken(UnitIndex first, std::uint32_t n) noexcept {
+    std::memset(at(first), 0, bytes(n));
+    Sync::zeroes(at(first), bytes(n));
+  }
+
   /// One past the last unit ever taken since the last reset. Quiescent.
   UnitIndex end() const noexcept {
     return static_cast<UnitIndex>(std::min<std::uint64_t>(next_.load(std::memory_order_relaxed), units_));
@@ -173,11 +180,11 @@ class ArenaCursor {
   }
 
   /// Takes a piece of `units` ahead, if it may, and touches its pages, unless that much is at hand already.
-  void prefault(Arena& arena, std::uint32_t units, std::size_t unit_bytes) noexcept {
+  void prefault(Arena& arena, std::uint32_t units) noexcept {
     if (end_ - begin_ >= units) return;
     const UnitIndex first = arena.take_ahead(units);
     if (first == 0) return;
-    std::memset(arena.at(first), 0, units * unit_bytes);
+    arena.touch_taken(first, units);
     begin_ = first;
     end_ = first + units;
   }

@@ -28,6 +28,8 @@ struct NoHooks {
   /// Ordinary memory that atomics publish is about to be read or written.
   static constexpr void reads(const void*, std::size_t) noexcept {}
   static constexpr void writes(const void*, std::size_t) noexcept {}
+  /// Memory that nobody else has been told of, atomic words and other, has been set to zero.
+  static constexpr void zeroes(const void*, std::size_t) noexcept {}
 
   /// A query has read how far a list reaches, `items` items, and will read no more of it than that.
   static constexpr void extent(std::uint32_t) noexcept {}

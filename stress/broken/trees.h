@@ -53,6 +53,26 @@ struct RelaxedAdditionSync : Sync {
   using Atomic = RelaxedAdditionAtomic<T, Sync>;
 };
 
+/// What is installed by a compare-exchange is published no further than that it is there: not that its memory has been
+/// set to zero. Records are, by their marks.
+template <class T, class Sync>
+class RelaxedInstallAtomic : public Sync::template Atomic<T> {
+  using Base = typename Sync::template Atomic<T>;
+
+ public:
+  using Base::Base;
+  bool compare_exchange_strong(T& expected, T desired, std::memory_order,
+                               std::memory_order failure) noexcept {
+    return Base::compare_exchange_strong(expected, desired, std::memory_order_relaxed, failure);
+  }
+};
+
+template <class Sync>
+struct RelaxedInstallSync : Sync {
+  template <class T>
+  using Atomic = RelaxedInstallAtomic<T, Sync>;
+};
+
 /// Children and chunks are installed by a test and a plain store: of two threads that find a link empty, one
 /// overwrites the other's node.
 template <class T, class Sync>
@@ -197,6 +217,10 @@ struct NoHelp {
 
 template <class Sync>
 using RelaxedPublication = Direct<WardTree<RelaxedSync<Sync>>>;
+template <class Sync>
+using InstalledUnordered = Direct<WardTree<RelaxedInstallSync<Sync>>>;
+template <class Sync>
+using CellsUnordered = Direct<Packed<RelaxedInstallSync<Sync>>>;
 template <class Sync>
 using LanesUnpublished = Direct<Packed<RelaxedAdditionSync<Sync>>>;
 template <class Sync>

@@ -1,5 +1,6 @@
 // The broken caches whose fault a schedule shows, and the scenarios that show it. In the order of stress/controls.cpp,
-// without `update_keeps_copies` and `tidy_drops_last`: no scenario updates or tidies anything.
+// without `update_keeps_copies` and `tidy_drops_last`, as no scenario updates or tidies anything; and with
+// `installed_unordered` and `cells_unordered`, which no history shows: what is there is zero either way.
 #include "caches/registry.h"
 #include "stress/broken/copies.h"
 #include "stress/broken/lists.h"
@@ -28,6 +29,14 @@ constexpr ExploreControl kControls[] = {
      "a packed cell's mask is added to by relaxed steps",
      Check::integrity,
      {"insert_query"}},
+    {broken<InstalledUnordered<ModelSync>>("installed_unordered"),
+     "nodes and segments are installed by a relaxed compare-exchange",
+     Check::integrity,
+     {"prefault_query"}},
+    {broken<CellsUnordered<ModelSync>>("cells_unordered"),
+     "nodes and cells of the packed octree are installed by a relaxed compare-exchange",
+     Check::integrity,
+     {"prefault_query"}},
     {broken<PlainStoreInstall<ModelSync>>("plain_store_install"),
      "children are installed by test and store instead of CAS",
      Check::integrity,

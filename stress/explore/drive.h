@@ -132,7 +132,7 @@ class Drive {
     is_clear_ = false;
     counter_.store(0, std::memory_order_relaxed);  // relaxed, as all here: one thread
     if (scenario_.is_warm) {
-      for (Session& s : sessions_) s.prefault(kPrefault);
+      for (Session& s : sessions_) s.prefault(kWarmRecords);
     }
     const std::size_t first_warm = scenario_.before + scenario_.nearby;
     for (std::size_t i = 0; i < log_.before.size(); ++i) {
@@ -144,6 +144,7 @@ class Drive {
   }
 
   void run_thread(unsigned t) {
+    if (scenario_.prefaults && t == 0) sessions_[t].prefault(kPrefaultRecords);
     const std::span operations(log_.threads[t]);
     for (std::size_t i = 0, n; i < operations.size(); i += n) {
       for (n = 1; i + n < operations.size() && operations[i + n].is_in_batch;) ++n;
@@ -227,7 +228,7 @@ class Drive {
     return text;
   }
 
-  static constexpr std::uint32_t kPrefault = 8;  // records
+  static constexpr std::uint32_t kWarmRecords = 8, kPrefaultRecords = 64;
 
   const Scenario& scenario_;
   Stamping stamping_;

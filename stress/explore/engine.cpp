@@ -98,6 +98,7 @@ Effect Engine::access(const Access& a) {
     while (next_ != self || is_abandoned_) Fibers::pause();
   }
   p.is_live = false;
+  if (const auto race = memory_.race_with_zeroing(self, a)) end_with(*race);
   const Effect effect = memory_.perform(self, a, p.location, next_index_);
   if (search_ != nullptr && !is_off_record_) search_->done(effect, memory_.past(self));
   if (trace_ != nullptr) trace_step(self, a, effect, p.location);
@@ -107,12 +108,30 @@ Effect Engine::access(const Access& a) {
 void Engine::touch(const void* begin, std::size_t bytes, bool writes) {
   const unsigned self = Fibers::running();
   note([&] { return fmt::format("  {} {} bytes of plain memory", writes ? "write" : "read", bytes); });
-  const std::optional<Race> race = memory_.touch(self, begin, bytes, writes);
-  if (!race) return;
-  stop(Ending::Kind::raced,
-       fmt::format("data race: thread {} {} {} bytes that thread {} {}, and nothing orders the two",
-                   race->second, writes ? "writes" : "reads", bytes, race->first,
-                   race->first_writes ? "has written" : "has read"));
+  if (const auto race = memory_.touch(self, begin, bytes, writes)) end_with(*race);
+}
+
+void Engine::zero(const void* begin, std::size_t bytes) {
+  note([&] { return fmt::format("  set {} bytes of memory to zero", bytes); });
+  if (const auto race = memory_.zero(Fibers::running(), begin, bytes)) end_with(*race);
+}
+
+void Engine::end_with(const Race& race) {
+  const char* does = race.second_writes ? "writes" : "reads";
+  const char* did = race.first_writes ? "has written" : "has read";
+  if (!race.is_of_word) {
+    stop(Ending::Kind::raced,
+         fmt::format("data race: thread {} {} {} bytes that thread {} {}, and nothing orders the two",
+                     race.second, does, race.bytes, race.first, did));
+  } else if (race.first != race.second) {
+    stop(Ending::Kind::raced,
+         fmt::format("data race: thread {} {} a word in {} bytes that thread {} has set to zero, "
+                     "and nothing orders the two",
+                     race.second, does, race.bytes, race.first));
+  } else {
+    stop(Ending::Kind::raced,
+         fmt::format("thread {} sets {} bytes to zero that have words in use", race.second, race.bytes));
+  }
   for (;;) Fibers::pause();
 }
 

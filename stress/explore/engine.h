@@ -60,6 +60,7 @@ class Engine {
   static Engine& current() noexcept { return *current_; }
   Effect access(const Access& a);
   void touch(const void* begin, std::size_t bytes, bool writes);
+  void zero(const void* begin, std::size_t bytes);
   void begin_waiting() noexcept { memory_.begin_waiting(Fibers::running()); }
   void wait_for_news() noexcept { memory_.await_newer(Fibers::running()); }
   /// A line of the trace, if there is one; `text` makes it.
@@ -77,6 +78,7 @@ class Engine {
   void choose_replayed() noexcept;
   void choose_anyhow() noexcept;
   void stop(Ending::Kind kind, std::string what);
+  void end_with(const Race& race);  ///< does not return
   void trace_step(unsigned thread, const Access& a, const Effect& effect, Location l);
 
   Fibers fibers_;

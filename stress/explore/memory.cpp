@@ -174,13 +174,39 @@ void Memory::await_newer(unsigned thread) noexcept {
 }
 
 std::optional<Race> Memory::touch(unsigned thread, const void* begin, std::size_t bytes, bool writes) {
+  return touch(thread, begin, bytes, writes, false);
+}
+
+std::optional<Race> Memory::zero(unsigned thread, const void* begin, std::size_t bytes) {
+  const auto* first = static_cast<const std::byte*>(begin);
+  for (Location l = 0; l < used_; ++l) {
+    const auto* word = static_cast<const std::byte*>(locations_[l].address);
+    if (word >= first && word < first + bytes) return Race{begin, bytes, thread, thread, true, true, true};
+  }
+  return touch(thread, begin, bytes, true, true);
+}
+
+std::optional<Race> Memory::race_with_zeroing(unsigned thread, const Access& a) const noexcept {
+  const auto* word = static_cast<const std::byte*>(a.address);
+  for (const Touch& zeroing : touches_) {
+    if (!zeroing.zeroes || zeroing.thread == thread) continue;
+    if (word < zeroing.begin || word >= zeroing.begin + zeroing.bytes) continue;
+    if (zeroing.time > threads_[thread].known.at[zeroing.thread])
+      return Race{a.address, zeroing.bytes, zeroing.thread, thread, true, a.may_write(), true};
+  }
+  return std::nullopt;
+}
+
+std::optional<Race> Memory::touch(unsigned thread, const void* begin, std::size_t bytes, bool writes,
+                                  bool zeroes) {
   const auto* first = static_cast<const std::byte*>(begin);
   const VectorClock& known = threads_[thread].known;
   Touch* same = nullptr;
   for (Touch& other : touches_) {
     if (other.begin >= first + bytes || first >= other.begin + other.bytes) continue;
     if (other.thread == thread) {
-      if (other.begin == first && other.bytes == bytes && other.writes == writes) same = &other;
+      if (other.begin == first && other.bytes == bytes && other.writes == writes && other.zeroes == zeroes)
+        same = &other;
       continue;
     }
     if ((writes || other.writes) && other.time > known.at[other.thread])
@@ -189,7 +215,7 @@ std::optional<Race> Memory::touch(unsigned thread, const void* begin, std::size_
   if (same != nullptr) {
     same->time = known.at[thread];
   } else {
-    touches_.push_back({first, bytes, known.at[thread], static_cast<std::uint8_t>(thread), writes});
+    touches_.push_back({first, bytes, known.at[thread], static_cast<std::uint8_t>(thread), writes, zeroes});
   }
   return std::nullopt;
 }

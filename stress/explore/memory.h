@@ -6,7 +6,8 @@
 // and the read-modify-writes that follow it without a break), takes over what the storing thread knew.
 // Read-modify-writes read the latest value. A failed compare-exchange is a load, and may fail by an old value.
 //
-// Two accesses to plain memory, one of them a write, that nothing orders are a data race.
+// Two accesses to plain memory, one of them a write, that nothing orders are a data race. So are a step on a word and
+// the setting of its memory to zero, by which words of pools come to be.
 //
 // What the model does not do, though C++ allows it:
 //   - load buffering: a load never reads a store that is executed later (out of thin air, or a dependency cycle);
@@ -101,6 +102,7 @@ struct Race {
   std::size_t bytes;
   unsigned first, second;  ///< threads
   bool first_writes, second_writes;
+  bool is_of_word = false;  ///< one access is a step on an atomic word, the other sets memory to zero
 };
 
 /// Stores that a step can read or follow, by index in the modification order, the latest first.
@@ -137,6 +139,10 @@ class Memory {
 
   /// An access to plain memory, and the race it ends, if any.
   std::optional<Race> touch(unsigned thread, const void* begin, std::size_t bytes, bool writes);
+  /// Memory of words and other is set to zero: a write of plain memory, which must precede all steps on its words.
+  std::optional<Race> zero(unsigned thread, const void* begin, std::size_t bytes);
+  /// The race of a step that `thread` is about to make with a zeroing of its word, if nothing orders the two.
+  std::optional<Race> race_with_zeroing(unsigned thread, const Access& a) const noexcept;
 
   /// Steps of each thread that precede the next one of `thread`, through program order, what was read, and the
   /// modification orders: the order that every equivalent execution shares.
@@ -177,9 +183,11 @@ class Memory {
     std::uint32_t time;
     std::uint8_t thread;
     bool writes;
+    bool zeroes;
   };
 
   Store& add_store(Word& w);
+  std::optional<Race> touch(unsigned thread, const void* begin, std::size_t bytes, bool writes, bool zeroes);
 
   std::array<Thread, kMaxThreads> threads_;
   std::vector<Word> locations_;

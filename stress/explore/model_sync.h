@@ -122,6 +122,9 @@ struct ModelHooks : NoHooks {
   static void writes(const void* begin, std::size_t bytes) noexcept {
     if (Engine::is_inside()) Engine::current().touch(begin, bytes, true);
   }
+  static void zeroes(const void* begin, std::size_t bytes) noexcept {
+    if (Engine::is_inside()) Engine::current().zero(begin, bytes);
+  }
   static void begin_waiting() noexcept {
     if (Engine::is_inside()) Engine::current().begin_waiting();
   }

@@ -17,6 +17,9 @@ constexpr glm::vec3 kWhere[Stage::kPlaces] = {
 // Least capacity at which the packed octree's grid has bricks that are not there from the start.
 constexpr std::uint32_t kWithBricks = 48 << 6;
 
+// Least capacity at which further lanes may be taken ahead.
+constexpr std::uint32_t kWithMore = 64;
+
 constexpr Scenario kScenarios[] = {
     {"install", {"i1", "i1"}, false, 0, false},
     {"install_deep", {"i2", "i2"}, true, 0, false},
@@ -34,6 +37,9 @@ constexpr Scenario kScenarios[] = {
     // A record is there in all of its cells or in none.
     {"across", {"x1", "l r"}, true, 0, false},
     {"across_back", {"x1", "r l"}, true, 0, false},
+    // The memory that a thread has set to zero is published with what it builds there.
+    {"prefault_query", {"i1", "q"}, false, 0, false, {}, 0, 0, true},
+    {"prefault_insert", {"i1", "i1"}, false, 0, false, {}, 0, 0, true},
     // Beside a packed cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
     {"install_node", {"i3", "i3"}, true, 0, false, "packed"},
     {"node_query", {"i3", "q"}, true, 0, false, "packed"},
@@ -47,6 +53,7 @@ constexpr Scenario kScenarios[] = {
     {"list_query", {"i0", "q"}, true, 0, false, "packed", 2 * kCellLanes},
     {"further_batch", {"i0", "bb"}, true, 0, false, "packed", kStripLanes},
     {"list_batch", {"i0", "bb"}, true, 0, false, "packed", 2 * kCellLanes},
+    {"further_prefault", {"i0", "q"}, false, 0, false, "packed", kStripLanes, kWithMore, true},
     {"install_three", {"i1", "i1", "i1"}, true, 0, true},
     {"grow_and_look", {"i0", "i0", "q"}, true, 4, true},
     {"two_inserts_queries", {"i1", "i1", "q q"}, true, 0, true},
