@@ -10,9 +10,20 @@
 namespace icbench {
 namespace {
 
-constexpr std::uint32_t kQueryPoints = 1u << 17;
+constexpr std::uint32_t kQueryPoints = 1u << 17, kLeastQueryPoints = 1u << 12;
 constexpr int kImage = 512;       // pixels a side of the image that coherent points are seen through
 constexpr double kOverlap = 6.0;  // records valid at a point of a filled cache, on average
+
+/// Operations of a trial, all threads together.
+std::uint32_t operations_of(const WorkloadSpec& spec) noexcept {
+  return spec.kind == WorkloadKind::insert_only ? spec.records : spec.operations;
+}
+
+/// Points that queries are drawn from: so many that few of them are drawn twice, or as many as a large scene shows.
+std::uint32_t query_points(const WorkloadSpec& spec) noexcept {
+  return static_cast<std::uint32_t>(
+      std::clamp<std::uint64_t>(4 * std::uint64_t{operations_of(spec)}, kLeastQueryPoints, kQueryPoints));
+}
 
 }  // namespace
 
@@ -27,7 +38,7 @@ PlanPoints plan_points(const WorkloadSpec& spec, const RayTracer& rays, std::uin
   const auto radii = spec.kind == WorkloadKind::miss_driven ? WithRadii::yes : WithRadii::no;
   out.queries = spec.order == PointOrder::coherent
                     ? image_points(rays, kImage, kImage, seed, radii, out.tile_ends)
-                    : scattered_points(rays, kQueryPoints, seed, radii);
+                    : scattered_points(rays, query_points(spec), seed, radii);
   if (const std::uint32_t n = spec.prefilled() + spec.inserts(); n != 0) {
     out.sites = scattered_points(rays, n, hash_keys(seed, 1), WithRadii::yes);
   }
@@ -108,7 +119,7 @@ Record SyntheticPlan::record_at(const Streams& streams, std::uint32_t operation)
 }
 
 Streams SyntheticPlan::streams(unsigned threads, std::uint64_t seed) const {
-  const std::uint32_t n = spec_.kind == WorkloadKind::insert_only ? spec_.records : spec_.operations;
+  const std::uint32_t n = operations_of(spec_);
   const std::uint32_t inserts = spec_.inserts();
   const auto points = static_cast<std::uint32_t>(points_.points.size());
   Streams out;
