@@ -11,6 +11,7 @@ from matplotlib import ticker
 from anatomy_results import kFiles, kPoints, load, name_of, points
 from figure import Built, Figure, Panel, Plate, main
 from pareto_results import Measured
+from results import interval_note
 
 kColours = {"wait_free": style.kVermilion, "replicated": style.kOrange, "packed_scalar": style.kSky,
             "packed_wait_free": style.kBlue, "packed_batch": style.kBlue}
@@ -45,7 +46,7 @@ def build(measured: Measured) -> Built:
     records = int(table["records"].max())
     height = 0.27 * table["part"].nunique() + 0.2
     foot = (f"One thread, {records:,} records, read-only. In brackets: how many times as fast as the first. Hatched: "
-            "what bounds a query, no caches. Lines: 95 % bootstrap intervals of the median.")
+            f"what bounds a query, no caches. {interval_note(table['n'])}")
     return Built(table, [Plate("", "Time of one query", panels, lambda layout: [], "nanoseconds", "", foot, (2, 1),
                                (height, height), (1.3, 1.1))])
 

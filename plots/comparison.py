@@ -4,7 +4,7 @@ Every cell (cache, workload, thread count) that both measured gets the ratio of 
 95 % interval, by bootstrap: over ratios paired by repetition where both runs had the same seed, so that a repetition
 asked for the same points and rays; else of the ratio of medians, each run's repetitions drawn by themselves. Runs are
 told apart by machine and never pooled. Intervals are expanded for few repetitions as those of results.py are, by the
-fewest that go into a ratio.
+fewest that go into a ratio; of fewer than kFewRepetitions there is an interval, but no verdict, for it covers too little.
 """
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 import style
-from results import kIdentityKeys, kMinRepetitions, Setup, tail
+from results import kFewRepetitions, kIdentityKeys, kMinRepetitions, Setup, tail
 
 kDraws = 1000
 kMachineKeys = ("host_name", "cpu_model", "cpu", "num_cpus", "machine")
@@ -23,7 +23,7 @@ kBuildKeys = ("commit", "dirty", "compiler", "compiler_flags", "flags", "build_t
 kCell = ["cache", "panel", "threads"]
 # Field, words, more is better.
 kMetrics = (("items_per_second", "throughput", True), ("latency_query_p999_ns", "slowest query in a thousand", False),
-            ("redundant_records", "redundant records", False), ("bytes_per_record", "bytes a record", False),
+            ("redundant_records", "redundant records, where no repetition had none", False), ("bytes_per_record", "bytes a record", False),
             ("relmse", "relMSE", False))
 
 
@@ -122,8 +122,12 @@ def _interval(logs: np.ndarray, n: int) -> tuple[float, float]:
 
 
 def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bool) -> tuple[list[dict], dict]:
-    """The cells of one metric, and of each its resampled log ratios."""
-    first, second = first[first[value] > 0], second[second[value] > 0]
+    """The cells of one metric, and of each its resampled log ratios. A cell needs a ratio of every repetition: left out
+    is one that has any at or below 0, as counts of redundant records may be.
+    """
+    first, second = (part[part[value].notna()] for part in (first, second))
+    first, second = (part[(part[value] > 0).groupby([part[key] for key in kCell]).transform("all")]
+                     for part in (first, second))
     before, after = _groups(first, value), _groups(second, value)
     common = [key for key in before if key in after]
     if paired:
@@ -151,8 +155,8 @@ def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bo
     return lines, draws
 
 
-def _verdict(line: pd.Series, better: bool) -> str:
-    if not math.isfinite(line["low"]) or line["low"] <= 1 <= line["high"]:
+def _verdict(line: dict, better: bool) -> str:
+    if line["n"] < kFewRepetitions or not math.isfinite(line["low"]) or line["low"] <= 1 <= line["high"]:
         return "undecided"
     return "better" if (line["low"] > 1) == better else "worse"
 
@@ -162,8 +166,9 @@ def _overall(lines: list[dict], draws: dict, value: str) -> list[dict]:
     made, table = [], pd.DataFrame(lines)
     for (cache, threads), part in table.groupby(["cache", "threads"]):
         known = np.stack([draws[cache, panel, threads] for panel in part["panel"]])
-        low, high = _interval(known.mean(axis=0), int(part["n"].min()))
-        made.append({"metric": value, "cache": cache, "threads": int(threads), "workloads": len(part),
+        n = int(part["n"].min())
+        low, high = _interval(known.mean(axis=0), n)
+        made.append({"metric": value, "cache": cache, "threads": int(threads), "workloads": len(part), "n": n,
                      "ratio": float(np.exp(np.log(part["ratio"]).mean())), "low": low, "high": high})
     return made
 

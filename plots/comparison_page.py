@@ -7,7 +7,7 @@ import pandas as pd
 
 import style
 from comparison import Comparison, kMetrics, metric_words
-from results import kConfidence
+from results import kConfidence, kFewRepetitions
 from tables import interval, note_line, table, text
 
 kTitle = "What differs"
@@ -32,9 +32,10 @@ def _environment(one: Comparison) -> str:
 def _sentence(cells: pd.DataFrame, value: str) -> str:
     """How many cells differ, and how many would by chance."""
     counts = cells["verdict"].value_counts()
-    judged = int(cells["low"].notna().sum())
+    judged = int((cells["low"].notna() & (cells["n"] >= kFewRepetitions)).sum())
     if not judged:
-        return f"<p>{text(metric_words(value).capitalize())}: too few repetitions for any interval.</p>"
+        return (f"<p>{text(metric_words(value).capitalize())}: fewer than {kFewRepetitions} repetitions, too few for a "
+                "verdict.</p>")
     better, worse = int(counts.get("better", 0)), int(counts.get("worse", 0))
     chance = (1 - kConfidence) * judged
     name = text(metric_words(value).capitalize())

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import cache_rows
@@ -90,9 +90,9 @@ def build(setup: Setup) -> Built:
         panels.append(Panel(", ".join(words + [placement] * several),
                             partial(_draw, part=part, span=span)))
     few = (table["n"] < kMinRepetitions).sum()
-    foot = ("A number in grey: undecided, its 95 % interval holds 1." if not few else
+    foot = ("Pale, the number in grey: undecided, its 95 % interval holds 1." if not few else
             f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions, so no interval: "
-            "undecided, grey.")
+            "undecided, pale.")
     high, wide = table["threads"].nunique(), table["record_cost_us"].nunique()
     columns = (3 if wide <= 4 else 2, 1)
     heights = (max(0.9, 0.34 * high), max(0.7, 0.27 * high))
@@ -126,11 +126,14 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, span: float) -> None:
     rows = {threads: i for i, threads in enumerate(grid.index)}
     for _, cell in part.iterrows():
         x, y = columns[cell["record_cost_us"]], rows[cell["threads"]]
+        undecided = cell["verdict"] == "undecided"
+        if undecided:
+            axes.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, facecolor="white", alpha=0.7, linewidth=0))
         strong = abs(math.log(cell["median"])) / math.log(span) > 0.62
-        ink = "white" if strong else "#1a1a1a" if cell["verdict"] != "undecided" else "#7a7a7a"
+        ink = "#6a6a6a" if undecided else "white" if strong else "#1a1a1a"
         axes.text(x, y + 0.06, style.number(cell["median"]), ha="center", va="bottom", color=ink,
                   fontsize=min(layout.font * 0.95, inches * 72 / 2.8),
-                  fontweight="normal" if cell["verdict"] == "undecided" else "bold")
+                  fontweight="normal" if undecided else "bold")
         axes.text(x, y - 0.06, style.short_name(cell["best_lock"]), ha="center", va="top", color=ink,
                   fontsize=name_size)
     _draw_break_even(axes, logs)

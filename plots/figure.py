@@ -80,6 +80,10 @@ class Written:
     notes: list[str]
 
 
+def _two_lines(words: str, wide: int) -> list[str]:
+    return textwrap.wrap(words, wide, max_lines=2, placeholder=" …")
+
+
 def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     """The pages of a plate; all measures in inches so that pages of one format look alike."""
     which = 1 if layout.small else 0
@@ -90,8 +94,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     width = layout.width if layout.small else max(outer_left + right + columns * cell_width, 4.6)
     cell_width = (width - outer_left - right) / columns
     wrap = max(12, int((cell_width - plate.left[which]) / (point * 0.49)))
-    titles = [textwrap.wrap(p.title, wrap)[:2] or [""] for p in plate.panels]
-    subtitles = [textwrap.wrap(p.subtitle, int(wrap * 1.15))[:2] for p in plate.panels]
+    titles = [_two_lines(p.title, wrap) or [""] for p in plate.panels]
+    subtitles = [_two_lines(p.subtitle, int(wrap * 1.15)) for p in plate.panels]
     under = point * 1.12 * max(len(s) for s in subtitles)
     title_height = point * (0.9 + 1.2 * max(len(t) for t in titles)) + under
     height = plate.heights[which]
@@ -104,7 +108,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     legend_columns = max(1, min(len(handles), int(width / entry))) if handles else 1
     legend_height = math.ceil(len(handles) / legend_columns) * point * 1.45 + point * 0.6 if handles else 0.0
     foot = textwrap.wrap(plate.footnote, max(20, int(width / (point * 0.46)))) if plate.footnote else []
-    top, bottom = point * 1.9, point * 1.8 + legend_height + len(foot) * point * 1.25
+    heading = textwrap.wrap(plate.title, max(20, int(width / (point * 0.58))))
+    top, bottom = point * (0.6 + 1.3 * len(heading)), point * 1.8 + legend_height + len(foot) * point * 1.25
     fit = len(plate.panels)  # rows a page holds
     if math.isfinite(layout.max_height):
         fit = max(1, int((layout.max_height - top - bottom) / cell_height))
@@ -114,9 +119,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
         rows = math.ceil(len(chosen) / columns)
         total = top + rows * cell_height + bottom
         canvas = Canvas(figsize=(width, total))
-        canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, plate.title, va="top",
-                    fontweight="bold",
-                    fontsize=layout.font * 1.06)
+        canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, "\n".join(heading), va="top", fontweight="bold",
+                    fontsize=layout.font * 1.06, linespacing=1.15)
         for index, (panel, title, subtitle) in enumerate(chosen):
             row, column = divmod(index, columns)
             x = outer_left + column * cell_width + plate.left[which]

@@ -189,7 +189,8 @@ def of_break_even(setup: Setup, structure: str, threads: int) -> Finding | None:
     verdicts = [contention_map.verdict(row) for _, row in line.iterrows()]
     costs = line["record_cost_us"].to_list()
     sure = next((i for i, v in enumerate(verdicts) if v != "faster"), len(verdicts))
-    crossing = contention_map.break_even(line)
+    slow = next((i for i, v in enumerate(verdicts) if v == "slower"), len(verdicts))
+    crossing = contention_map.break_even(line.iloc[max(0, sure - 1):slow + 1])  # not where noise around 1 falls through it
     title = f"Break-even cost of a record, {place(setup, threads)}"
     cheapest = line.iloc[0]
     base = (f"Base: {cheapest['best_lock']}, {style.number(cheapest['best_lock_speed'] * 1e-6)} M queries/s "
@@ -205,7 +206,7 @@ def of_break_even(setup: Setup, structure: str, threads: int) -> Finding | None:
                        f"{cache} is faster than the best lock on {structure} at every cost measured: "
                        f"{at_least}{still}.",
                        base)
-    slower = next((c for c, v in zip(costs, verdicts) if v == "slower"), None)
+    slower = costs[slow] if slow < len(costs) else None
     if sure == 0:
         return Finding(title, "none found", f"{cache} could not be shown to be faster than the best lock on "
                        f"{structure} even for cheap records: {at_least}.", base)

@@ -9,9 +9,9 @@ import pandas as pd
 
 import percentiles
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from over_threads import (cache_handles, cache_rows, groups_of, interval_note, kGroupKeys, panels_of,
+from over_threads import (cache_handles, cache_rows, groups_of, kGroupKeys, panels_of,
                           thread_marks)
-from results import Setup
+from results import Setup, interval_note
 
 kPanels = 4  # workloads drawn; each takes a panel per operation and thread count
 
@@ -39,32 +39,27 @@ def build(setup: Setup) -> Built:
         if note and note not in notes:
             notes.append(note)
         drawn = mine[mine["panel"].isin(titles)]
-        panels = []
+        panels = []  # the scales of one are those of the same operation at the other thread count
         for title in titles:
             for operation in ("query", "insert"):
                 part = drawn[(drawn["panel"] == title) & (drawn["operation"] == operation)]
                 for threads in marks:
                     one = part[part["threads"] == threads]
                     if not one.empty:
-                        name = f"{title}: {operation}, {style.threads_text(threads)}"
-                        panels.append(_panel(name, one, part))
+                        panels.append(Panel(title, partial(percentiles.draw, part=one, neighbours=part),
+                                            f"{operation}, {style.threads_text(threads)}"))
         if not panels:
             continue
         caches = style.cache_order(drawn["cache"])
         plates.append(Plate(group.slug, group.title, panels,
                             lambda layout, caches=caches: cache_handles(caches, layout),
                             "percentile of operations", "latency",
-                            f"{interval_note(drawn)} Markers: the longest of all that were timed.", (4, 2),
+                            f"{interval_note(drawn['n'])} Markers: the longest of all that were timed.", (4, 2),
                             (1.65, 1.05), (0.46, 0.33)))
     left_out = sorted(set(table["threads"]) - set(marks))
     if left_out:
         notes.append("drawn at all cores and at about four threads a core; the CSV has every thread count")
     return Built(table, plates, notes)
-
-
-def _panel(title: str, part: pd.DataFrame, neighbours: pd.DataFrame) -> Panel:
-    """One panel; its scales are shared with the same operation at the other thread count."""
-    return Panel(title, partial(percentiles.draw, part=part, neighbours=neighbours))
 
 
 FIGURE = Figure(

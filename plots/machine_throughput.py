@@ -9,9 +9,9 @@ import pandas as pd
 
 from comparison import kBuildKeys, one_versions, OneVersion
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from over_threads import (cache_handles, cache_rows, draw_over_threads, groups_of, interval_note, kGroupKeys, panels_of,
+from over_threads import (cache_handles, cache_rows, draw_over_threads, groups_of, kGroupKeys, panels_of,
                           topology_handles, with_oversubscription)
-from results import InputError, load, summarise
+from results import InputError, interval_note, load, summarise
 
 kWorkloads = 3  # drawn of a structure; the CSV has all
 kScale = 1e-6
@@ -56,7 +56,7 @@ def _plate(slug: str, title: str, table: pd.DataFrame, setups: dict) -> Plate:
             marks |= {handle.get_label(): handle for handle in topology_handles(setup, mine)}
     caches = style.cache_order(table["cache"])
     return Plate(slug, title, panels, lambda layout: [*cache_handles(caches, layout), *marks.values()], "threads",
-                 "million operations per second", f"{interval_note(table)} All panels have the same axes.")
+                 "million operations per second", f"{interval_note(table['n'])} All panels have the same axes.")
 
 
 FIGURE = Figure(

@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 import style
 from figure import Built, Omitted, Panel, Plate
-from results import Setup, kMinRepetitions, summarise, workload_order
+from results import Setup, interval_note, summarise, workload_order
 
 kPanels = 12  # workloads drawn at most; the CSV has all
 kShade = "#f1ece2"
@@ -184,17 +184,6 @@ def thread_axis(axes, counts, layout: style.Layout) -> None:
     axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: style.thread_label(value)))
 
 
-def interval_note(table: pd.DataFrame) -> str:
-    """What the figure has to say about its intervals."""
-    few = table["n"] < kMinRepetitions
-    if not few.any():
-        return "Points: medians. Bars: 95 % bootstrap intervals of the median."
-    if few.all():
-        return f"Fewer than {kMinRepetitions} repetitions: no intervals can be given."
-    return (f"Bars: 95 % bootstrap intervals of the median. {few.sum()} of {len(table)} points have fewer "
-            f"than {kMinRepetitions} repetitions and so no interval.")
-
-
 def draw_lines(axes, table: pd.DataFrame, layout: style.Layout, scale: float = 1.0) -> None:
     """One line per cache over threads, with its intervals."""
     for cache in style.cache_order(table["cache"]):
@@ -277,7 +266,7 @@ def line_plates(setup: Setup, table: pd.DataFrame, groups: list[Group], y_label:
                     extra(axes)
             return Panel(title, draw, subtitle(title, part) if subtitle else "")
         caches = style.cache_order(drawn["cache"])
-        text = " ".join(t for t in (interval_note(drawn), footnote) if t)
+        text = " ".join(t for t in (interval_note(drawn["n"]), footnote) if t)
         if single:
             title = f"{group.title}, {style.threads_text(counts[0])}"
             height = 0.16 * len(caches) + 0.2

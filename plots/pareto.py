@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from figure import Built, Figure, Panel, Plate, main
 from pareto_results import kErrors, kFiles, Measured, load, method_order, on_front, points
-from results import kMinRepetitions
+from results import interval_note
 
 kDrawn = {"relmse": "Error of the indirect light", "rmse": "The same as a difference of radiance",
           "flip": "What is seen when flipping between pictures",
@@ -71,10 +71,7 @@ def _handles(methods: list[str], error: str, has_floor: bool, layout: style.Layo
 
 def build(measured: Measured) -> Built:
     table = points(measured)
-    few = int((table["n"] < kMinRepetitions).sum())
-    foot = "Small pale points: settings that another of the same method beats in both."
-    foot += (f" {few} of {len(table)} points have fewer than {kMinRepetitions} runs and so no interval." if few
-             else " Bars: 95 % bootstrap intervals of the median.")
+    foot = f"Small pale points: settings that another of the same method beats in both. {interval_note(table['n'])}"
     methods = method_order(table["method"])
     plates = []
     for error, title in kDrawn.items():

@@ -11,6 +11,7 @@ import pandas as pd
 import interactive
 from explorer import swatch
 from pareto_results import Measured, method_order, on_front, setting_words
+from results import few_note
 from tables import note_line, table, text
 
 # The errors that one can choose by: field, name, what a value is of, field of the reference's own error.
@@ -167,6 +168,8 @@ def _notes(everything: pd.DataFrame) -> str:
     single = int((everything["n"] < 2).sum())
     two = int((everything["n"] == 2).sum())
     how = ["brackets: the 95 % bootstrap interval of the median of the runs"]
+    if few := few_note(everything["n"]):
+        how.append(few[0].lower() + few[1:].rstrip("."))
     if two:
         how.append("of two runs, both")
     if single:

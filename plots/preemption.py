@@ -10,17 +10,20 @@ from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import cache_handles
 from pareto_results import Measured
 from preemption_results import kFiles, latencies, load, panel_name
+from results import interval_note
 
 
 def _stalled(measured: Measured, caches: list[str], keys: dict) -> str:
-    """What the holds cost, by the others' own time."""
+    """What the holds cost, by the others' own time; other programs can put them off for as long."""
     rows = measured.rows
     for name, value in keys.items():
         rows = rows[rows[name] == value]
-    shares = rows[rows["held"]].groupby("cache")["stalled_share"].median()
-    said = [f"{style.short_name(cache)} {style.number(100 * shares[cache], 2)} %"
-            for cache in caches if cache in shares]
-    return "Of the others' time with a thread held, in operations that took over half a hold: " + ", ".join(said) + "."
+    shares = 100 * rows.groupby(["held", "cache"])["stalled_share"].median()
+    said = [f"{style.short_name(cache)} {style.number(shares[True, cache], 2)} %"
+            + (f" ({style.number(shares[False, cache], 2)} %)" if (False, cache) in shares else "")
+            for cache in caches if (True, cache) in shares]
+    return ("Of the others' time with a thread held (in brackets: with none held), in operations that took over half a "
+            "hold: " + ", ".join(said) + ".")
 
 
 def build(measured: Measured) -> Built:
@@ -38,8 +41,7 @@ def build(measured: Measured) -> Built:
                     panels.append(Panel(f"{operation}: {name}", partial(percentiles.draw, part=one, neighbours=mine)))
         caches = style.cache_order(part["cache"])
         foot = _stalled(measured, caches, {"workload": workload, "threads": threads, "hold_ms": hold})
-        foot += " Markers: the longest operation. Bars: 95 % bootstrap intervals of the median, where there are three "
-        foot += "repetitions."
+        foot += f" Markers: the longest operation. {interval_note(part['n'])}"
         plates.append(Plate(f"{workload.split(':')[0]}-{int(threads)}-{hold:g}ms".replace("_", "-"),
                             panel_name(workload, threads, hold), panels,
                             lambda layout, caches=caches: cache_handles(caches, layout), "percentile of operations",

@@ -5,11 +5,15 @@ import style  # first: it checks what is installed
 
 from pareto_results import Measured
 from preemption_results import panel_name
-from results import summarise
+from results import few_note, summarise
 from tables import interval, note_line, table, text
 
 kTitle = "When a thread is held"
 kKeys = ["workload", "threads", "hold_ms", "cache", "held"]
+# Of the table: field, while a thread is held or while none is.
+kColumns = (("stalled_share", True), ("stalled_share", False), ("latency_query_max_ns", True),
+            ("latency_query_p999_ns", True), ("others_operations_per_second", True),
+            ("others_operations_per_second", False))
 
 
 def numbers(measured: Measured) -> str:
@@ -19,14 +23,14 @@ def numbers(measured: Measured) -> str:
               "others_operations_per_second": 1e-6}
     known = {name: summarise(rows, kKeys, name).set_index(kKeys) for name in fields if name in rows}
     head = ('<th>cache</th><th class="n">others\' time in operations over half a hold, %</th>'
-            '<th class="n">longest query, ms</th><th class="n">p99.9 of queries, µs</th>'
+            '<th class="n">the same, nobody held</th><th class="n">longest query, ms</th><th class="n">p99.9 of queries, µs</th>'
             '<th class="n">operations of the others, M/s</th><th class="n">the same, nobody held</th>')
     made = ""
     for (workload, threads, hold), part in rows.groupby(["workload", "threads", "hold_ms"]):
         lines = []
         for cache in style.cache_order(part["cache"]):
             cells = []
-            for name, held in (*((n, True) for n in fields), ("others_operations_per_second", False)):
+            for name, held in kColumns:
                 key = (workload, threads, hold, cache, held)
                 found = known[name].loc[key] if name in known and key in known[name].index else None
                 cells.append("–" if found is None
@@ -42,6 +46,7 @@ def section(measured: Measured, anchor: str, figures: str) -> str:
     if not measured.complete:
         made += '<div class="banner">Incomplete: this part shows what was measured until the run was cut short.</div>'
     repetitions = style.plural(int(measured.rows["repetition_index"].nunique()), "repetition")
-    made += figures + numbers(measured) + note_line(f"Median [low, high] over {repetitions}")
+    few = few_note(measured.rows.groupby(kKeys)["repetition_index"].nunique())
+    made += figures + numbers(measured) + note_line(f"Median [low, high] over {repetitions}. {few}".rstrip(". "))
     paths = ", ".join(path.name for path in measured.paths)
     return made + f'<p class="note">From <code>{text(paths)}</code>, measured on {text(measured.label)}.</p>'

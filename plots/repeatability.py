@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from pareto_results import Measured
 from repeatability_results import about, groups, kFiles, load, points
-from results import kMinRepetitions
+from results import interval_note
 
 kColours = (style.kBlue, style.kVermilion, style.kGreen, style.kPurple, style.kOrange, style.kSky)
 kDrawn = {"rms_to_single_share_of_mean": True, "rms_to_last_run_share_of_mean": False}  # filled or hollow
@@ -84,9 +84,7 @@ def build(measured: Measured) -> Built:
     foot = "Filled: from the picture of one thread through the same cache."
     if same:
         foot += f" No difference at all: {', '.join(style.cache_order(same)).replace('_', ' ')}."
-    foot += " Bars: 95 % bootstrap intervals of the median"
-    foot += f"; with fewer than {kMinRepetitions} runs they cover less." if (
-        table.loc[table["threads"] > 1, "n"] < kMinRepetitions).any() else "."
+    foot += f" {interval_note(table.loc[table['threads'] > 1, 'n'])}"
     has_runs = "rms_to_last_run" in table and bool((table["rms_to_last_run"] > 0).any())
     height = 0.2 * most + 0.3
     return Built(table, [Plate("", "Differences between pictures of one seed", panels,

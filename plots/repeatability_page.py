@@ -30,12 +30,12 @@ def sentence(name: str, part: pd.DataFrame) -> str:
     if most.empty:
         return (f"<p><b>{text(name[0].upper() + name[1:])}: with {style.threads_text(threads)} no picture differs from "
                 "that of one thread.</b></p>")
-    shares = most["rms_to_single"] / most["mean"]
+    shares = most["rms_to_single_share_of_mean"]
     line = most.loc[shares.idxmax()]
     said = (f"{name[0].upper() + name[1:]}: with {style.threads_text(threads)} a picture differs from that of one "
             f"thread by {style.number(100 * shares.min())} to {style.number(100 * shares.max())} % of its mean")
-    if line["error"] > 0:
-        said += (f", at most {style.number(100 * line['rms_to_single'] / line['error'])} % of its own error "
+    if line.get("rms_to_single_share_of_error", 0) > 0:
+        said += (f", at most {style.number(100 * line['rms_to_single_share_of_error'])} % of its own error "
                  f"({line['cache'].replace('_', ' ')})")
     return f"<p><b>{text(said)}.</b></p>"
 

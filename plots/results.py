@@ -476,6 +476,29 @@ def median_intervals(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     return median, low, high
 
 
+def few_note(n: pd.Series) -> str:
+    """What intervals of three to five repetitions are worth, as a sentence; "" where there is none. `n`: repetitions
+    that went into each interval.
+    """
+    few = sorted(n[(n >= kMinRepetitions) & (n < kFewRepetitions)].unique())
+    if not few:
+        return ""
+    counts = f"{few[0]:g}" if len(few) == 1 else f"{few[0]:g} to {few[-1]:g}"
+    held = dict.fromkeys(f"{100 * (1 - 2.0 ** (1 - count)):.0f}" for count in (few[0], few[-1]))
+    return f"Of {counts} repetitions an interval is their range, which holds the median in {' to '.join(held)} % of cases."
+
+
+def interval_note(n: pd.Series, things: str = "points") -> str:
+    """What a figure has to say about its bars. `n`: repetitions of each of its `things`."""
+    none = int((n < kMinRepetitions).sum())
+    if none == len(n):
+        return f"Fewer than {kMinRepetitions} repetitions: no intervals can be given."
+    said = ["Bars: 95 % bootstrap intervals of the median.", few_note(n)]
+    if none:
+        said.append(f"{none} of {len(n)} {things} have fewer than {kMinRepetitions} repetitions and so no interval.")
+    return " ".join(filter(None, said))
+
+
 def summarise(rows: pd.DataFrame, keys: list[str], value: str) -> pd.DataFrame:
     """One line per group: keys, n, median, low, high, spread (IQR over median). NaN values do not count."""
     rows = rows[rows[value].notna()]

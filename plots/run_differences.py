@@ -10,7 +10,7 @@ import pandas as pd
 
 from comparison import Comparison, cache_names, comparisons, shown_threads
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from results import InputError, load
+from results import InputError, kFewRepetitions, load
 
 kMeans = "Geometric means over the workloads that both runs measured"
 
@@ -32,7 +32,8 @@ def plate_of(slug: str, title: str, panels: list[Panel], caches: list[str], what
     height = 0.16 * len(caches) + 0.25
     return Plate(slug, title, panels, lambda layout: [],
                  "ratio of throughput; right of the line the second run is faster", "",
-                 f"{what}; bars: 95 % bootstrap intervals. Hollow: undecided, the interval holds 1 or there is none.",
+                 f"{what}; bars: 95 % bootstrap intervals. Hollow: undecided, the interval holds 1, or there are fewer "
+                 f"than {kFewRepetitions} repetitions.",
                  (3, 1), (height, height * 0.8), (1.5, 1.15))
 
 
@@ -58,7 +59,7 @@ FIGURE = Figure(
     "run_differences", "What differs between the runs",
     "Each dot is a cache at one thread count: the throughput of the second run over that of the first, as the "
     "geometric mean over all workloads that both measured. Right of the line the second run is faster. A filled dot "
-    "is decided: its whole 95 % interval lies on one side.",
+    "is decided: its whole 95 % interval lies on one side, of six repetitions at least.",
     build)
 
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from over_threads import Group, groups_of, kUncached, thread_marks
-from results import Setup, kMinRepetitions, summarise
+from results import Setup, interval_note, summarise
 
 kThreadCounts = 3  # thread counts drawn per scene: one, all cores, four a core
 kFloor = "#6b6b6b"
@@ -77,11 +77,7 @@ def build(setup: Setup) -> Built:
         notes.append("the error of the reference itself is not known for every scene, so no floor is drawn "
                      "there")
     several = table["placement"].nunique() > 1
-    few = (table["n"] < kMinRepetitions).sum()
-    foot = "Small pale points are settings that the same method beats elsewhere."
-    foot += (f" {few} of {len(table)} points have fewer than {kMinRepetitions} repetitions and so no "
-             "interval." if few
-             else " Bars: 95 % bootstrap intervals of the median.")
+    foot = f"Small pale points are settings that the same method beats elsewhere. {interval_note(table['n'])}"
     for group in groups:
         mine = table[table["cache"].isin(group.caches) | table["series"].isin(kUncached)]
         panels, drawn = [], []

@@ -77,19 +77,42 @@ class Comparison(InFolder):
                 decided = np.mean([not line["low"] <= 1 <= line["high"] for line in some])
                 self.assertLess(decided, 0.06, (paired, len(some)))
 
-    def test_two_repetitions_decide_nothing(self):
+    def of_few_repetitions(self, repetitions: int) -> comparison.Comparison:
+        """A second run twice as fast as the first, of few repetitions."""
         paths = []
         for commit in ("0" * 16, "1" * 16):
             data = json.loads(self.file("a").read_text())
             data["context"]["commit"] = commit
-            data["benchmarks"] = [r for r in data["benchmarks"] if r["repetition_index"] < 2]
+            data["benchmarks"] = [r for r in data["benchmarks"] if r["repetition_index"] < repetitions]
             for row in data["benchmarks"]:
                 row["items_per_second"] *= 2 if commit[0] == "1" else 1
                 row["queries"] *= 2 if commit[0] == "1" else 1
             paths.append(write_results(self.folder / f"{commit}.json", data))
         one = comparison.comparisons(results.load(paths))[0]
-        self.assertTrue((one.cells["verdict"] == "undecided").all())
-        self.assertTrue(one.cells["low"].isna().all())
+        self.assertTrue((one.cells["ratio"] > 0).all())
+        return one
+
+    def test_fewer_than_six_repetitions_decide_nothing(self):
+        for repetitions in (2, 3, 5):
+            one = self.of_few_repetitions(repetitions)
+            for table in (one.cells, one.overall):
+                self.assertTrue((table["verdict"] == "undecided").all())
+                self.assertEqual(table["low"].isna().all(), repetitions < 3)
+            self.assertIn("fewer than 6 repetitions, too few for a verdict", comparison_page.section(one, ""))
+        faster = self.of_few_repetitions(6).cells
+        self.assertTrue((faster.loc[faster["metric"] == "items_per_second", "verdict"] == "better").all())
+
+    def test_a_repetition_is_not_left_out_for_what_it_counted(self):
+        # Of counts around 0 those above are no sample: the second of these has fewer.
+        def made(counts) -> pd.DataFrame:
+            return pd.DataFrame([{"cache": "a", "panel": panel, "threads": 2, "repetition_index": i, "take": 0,
+                                  "redundant_records": count + shift}
+                                 for panel, shift in (("around none", 0), ("some", 100))
+                                 for i, count in enumerate(counts)])
+        first, second = made((-9, -8, -6, -5, 1, 2, 3)), made((-40, -30, -25, -20, -15, 4, 9))
+        for paired in (True, False):
+            line, = comparison._of_metric(first, second, "redundant_records", paired)[0]
+            self.assertEqual((line["panel"], line["first"], line["second"]), ("some", 95, 80))
 
     def test_machines_are_told_apart(self):
         paths = [self.file("a"), self.file("b", True, commit="fedcba9876543210"), self.file("c", host_name="other"),
