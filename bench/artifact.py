@@ -143,15 +143,20 @@ def run(options: argparse.Namespace) -> int:
     machine = options.machine or this_machine(machines)
     claims = [c for _, section in sections for c in section]
     known = {name_of(c): c for c in claims}
-    if options.only:
-        for name in options.only.split(","):
+    if options.only is not None:
+        names = options.only.split(",")
+        for name in names:
             if name not in known:
                 raise Refused(f"no claim '{name}'; ARTIFACT.md names them all")
-        claims = [known[name] for name in options.only.split(",")]
+            if names.count(name) > 1:
+                raise Refused(f"--only names '{name}' twice")
+        claims = [known[name] for name in names]
     else:
         claims.sort(key=lambda c: not c.get("quick"))
         if not options.full:
             claims = [c for c in claims if c.get("quick")]
+    if options.check:
+        return 0
     out = Path(options.out).resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -162,7 +167,7 @@ def run(options: argparse.Namespace) -> int:
           f"{'claim':<34} {'target':<16} {'claimed':<24} {'':<10} {'measured':<24} {'':<10} interval")
     rows = known_rows(Path(options.programs) / "targets")
     contradicted, seconds, counts = [], 0.0, {}
-    is_quick = not options.full and not options.only
+    is_quick = not options.full and options.only is None
     deadline = time.monotonic() + 60 * kQuickMinutes if is_quick else math.inf
     for number, c in enumerate(claims):
         try:
@@ -198,8 +203,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="bench/artifact", allow_abbrev=False)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--full", action="store_true")
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only")
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--check", action="store_true")  # that the options are right, and no more
     parser.add_argument("--machine", default="")
     parser.add_argument("--out", default=str(kRoot / "results/artifact"))
     parser.add_argument("--programs", default=str(kRoot / "build/release/bin"))
@@ -207,7 +213,9 @@ def main() -> int:
         options, rest = parser.parse_known_args()
         if rest:
             raise Refused(f"unknown option '{rest[0]}'; see --help")
-        if options.write:
+        if options.quick + options.full + options.write + (options.only is not None) > 1:
+            raise Refused("--quick, --full, --only and --write are four things to do; choose one")
+        if options.write and not options.check:
             write(Path(options.out), Path(options.programs))
             return 0
         return run(options)

@@ -49,6 +49,43 @@ TEST(MovedBoxes, EverySegmentThatMeetsTheMeshIsTold) {
   EXPECT_LT(told, 15 * 2000 / 3) << "hardly a segment is spared";
 }
 
+// Guards against: a path that is kept though it meets a flat mesh, for the rounding of a pose that shifts it far.
+TEST(MovedBoxes, FlatMeshesFarFromTheirPivotAreToldToo) {
+  Pcg32 random(3);
+  std::uint64_t meeting = 0;
+  for (std::uint32_t seed = 0; seed < 20; ++seed) {
+    Scene scene = animated_room({.rigid = true});
+    const auto moving = static_cast<std::uint32_t>(scene.meshes.size() - 1);
+    const glm::vec3 middle = 1e4f * glm::vec3(0.6f, 0.3f, -0.7f);
+    const Basis turned(direction_at(Basis({0, 0, 1}), 2.0f * random.uniform(), random.uniform()));
+    Mesh flat = box("flat", {middle - glm::vec3(0.3f), middle + glm::vec3(0.3f)}, 0);
+    flat.pose = [=](float frame) {
+      const glm::mat3 linear(turned.s, 1e-4f * turned.t, turned.n);
+      return Pose{linear, glm::vec3(0.05f * frame - 0.3f, 1.0f, 0.1f) - linear * middle};
+    };
+    scene.meshes[moving] = flat;
+    RayTracer rays(std::move(scene));
+    Tracer tracer(rays);
+    for (std::uint32_t frame = 1; frame < 8; ++frame) {
+      const MovedBoxes boxes(rays.go_to(static_cast<float>(frame)), rays.epsilon());
+      const PosedBox now = rays.moving().front();
+      for (int i = 0; i < 200; ++i) {
+        const auto within = [&] {
+          return 0.6f * glm::vec3(random.uniform(), random.uniform(), random.uniform()) - 0.3f;
+        };
+        const glm::vec3 through = now.pose(middle + within());
+        const glm::vec3 d = 0.3f * direction_at(Basis({0, 0, 1}), 2.0f * random.uniform(), random.uniform());
+        const Hit hit = tracer.intersect(Ray{through - d, 1.0f, 2.0f * d});
+        if (hit.missed() || hit.mesh != moving) continue;
+        ++meeting;
+        ASSERT_TRUE(boxes.meet(through - d, through + d)) << "turn " << seed << ", frame " << frame;
+        ASSERT_TRUE(boxes.meet(through - d, hit.p)) << "turn " << seed << ", frame " << frame;
+      }
+    }
+  }
+  EXPECT_GT(meeting, 2000u);
+}
+
 // Guards against: a path from a sun or another far lamp that is kept though it meets the mesh, for rounding.
 TEST(MovedBoxes, SegmentsFromFarOutsideAreToldToo) {
   RayTracer rays(animated_room({.rigid = true}));

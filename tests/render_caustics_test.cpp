@@ -10,7 +10,11 @@
 
 #include "cached_runs.h"
 #include "render/caustics.h"
+#include "render/gather.h"
+#include "render/specular.h"
+#include "scene/room.h"
 #include "scene/shapes.h"
+#include "specular_scenes.h"
 
 namespace icbench {
 namespace {
@@ -33,6 +37,19 @@ Scene lamp_under_mirror(Surface above) {
   s.meshes.push_back(quad("mirror", {-9, 2, -9}, {18, 0, 0}, {0, 0, 18}, mirror));
   s.meshes.push_back(quad("lamp", {-kSide / 2, 1, -kSide / 2}, {0, 0, kSide}, {kSide, 0, 0}, lamp));
   s.camera = {.eye = {0, 0.5f, 4}, .target = {0, 0, 0}, .up = kUp, .fov_y = 1.0f};
+  return s;
+}
+
+// A room whose lamp is behind a pane that reaches from wall to wall.
+Scene lamp_behind_glass() {
+  Scene s;
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(20.0f)});
+  const auto glass = s.add_material(kGlass);
+  add_room(s, {{-1, 0, -1}, {1, 2, 1}}, {white, white, white, white, white, white});
+  s.meshes.push_back(quad("lamp", {-0.4f, 1.97f, -0.4f}, {0.8f, 0, 0}, {0, 0, 0.8f}, lamp));
+  s.meshes.push_back(box("pane", {{-1.1f, 1.85f, -1.1f}, {1.1f, 1.9f, 1.1f}}, glass));
+  s.camera = {.eye = {0.1f, 0.75f, 0.95f}, .target = {0, 0.5f, -0.3f}, .up = kUp, .fov_y = 1.2f};
   return s;
 }
 
@@ -124,6 +141,44 @@ TEST(Caustics, LightSetApartIsInTheIrradianceAndInNoCell) {
       EXPECT_EQ(rest.apart, glm::vec3(0.0f));
     }
   }
+}
+
+// Guards against: light that walls reflect of a caustic taken for light that lamps send straight to where a record is,
+// so that nothing of it was left in what a record's reach is decided by. (Behind a pane of glass all light was.)
+TEST(Caustics, LightSetApartIsThatOfLampsSeenInMirrorsAndBehindGlassAlone) {
+  const RayTracer rays(lamp_behind_glass());
+  const PrimaryHits primary = primary_hits(rays, 24, 18);
+  Tracer tracer(rays);
+  const Strata strata = Strata::for_rays(256);
+  Estimate difference, straight, all;
+  Hemisphere seen;
+  for (std::size_t i = 0; i < primary.hits.size(); ++i) {
+    const Hit& at = primary.hits[i];
+    if (!reflects(rays, at)) continue;
+    const double E = gather(tracer, at, strata, hash_keys(i, 5), seen, FocusedLight::apart).E.y;
+    double met = 0.0;
+    for (std::uint32_t k = 0; k < strata.count(); ++k) {
+      Pcg32 random(hash_keys(i, k, 8));
+      const float u = random.uniform(), v = random.uniform();
+      Ray ray{rays.leave(at.p, at.ng), std::numeric_limits<float>::infinity(),
+              cosine_direction(Basis(at.n), u, v)};
+      glm::vec3 weight(1.0f);
+      std::uint32_t bounces = 0;
+      if (!(glm::dot(ray.d, at.ng) > 0.0f)) continue;
+      const Hit hit = intersect_beyond_specular(tracer, ray, random, weight, bounces);
+      if (hit.missed() || bounces == 0 || !hit.front) continue;
+      met += kPi * (weight * rays.material(hit).emission).y / strata.count();
+    }
+    difference.add(seen.apart.y - met);
+    straight.add(met);
+    all.add(E);
+  }
+  std::printf("apart %.3f of all, straight %.3f, +- %.3f\n",
+              (straight.mean() + difference.mean()) / all.mean(), straight.mean() / all.mean(),
+              difference.error() / all.mean());
+  EXPECT_GT(straight.mean(), 0.1 * all.mean());
+  EXPECT_LT(difference.error(), 0.1 * straight.mean()) << "too few samples to say so";
+  EXPECT_NEAR(difference.mean(), 0.0, 4.0 * difference.error());
 }
 
 // Guards against: pictures that are too dark, because records whose rays found much count less far than those whose

@@ -30,7 +30,7 @@ for task in $(option array | tr , ' '); do
   log=$(option output)
   SLURM_ARRAY_TASK_ID=$task SLURM_JOB_ID=7 bash "$script" >>"${log//%a/$task}" 2>&1
 done
-echo 7
+echo "${BANNER-7}"
 """
 kSqueue = "#!/bin/sh\necho \"${QUEUED:-}\"\n"
 
@@ -90,6 +90,16 @@ class Slurm(Case):
                                 self.folder / "a sweep/results.json"]
                 self.assertEqual(subprocess.run(format_check, timeout=PATIENCE).returncode, 0)
                 shutil.rmtree(self.folder / "a sweep")
+
+    def test_a_job_is_not_lost_to_what_a_site_prints_beside_its_number(self):
+        told = self.submit(*kSweep, TASKS="0", BANNER="Welcome to the cluster\n7;cluster")
+        self.assert_done(told)
+        self.assertEqual(told.stdout, "7\n")
+        self.assertEqual(self.load("a sweep/plan.json")["jobs"], ["7"])
+        shutil.rmtree(self.folder / "a sweep")
+        told = self.submit(*kSweep, BANNER="Queued.\nGood luck")
+        self.assert_said(told, 2, "'Queued. Good luck'", "squeue --me")
+        self.assert_done(self.slurm("merge", "a sweep"))
 
     def test_what_was_interrupted_is_resumed_alone(self):
         self.assert_done(self.submit(*kSweep, TASKS="0"))

@@ -74,5 +74,38 @@ TEST(Frames, ACacheThatIsFullIsNotFullForEver) {
   }
 }
 
+// A lamp over a floor that shines away from it in the first quarter of the animation.
+Scene turning_lamp() {
+  Scene s;
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(4)});
+  s.meshes.push_back(quad("floor", {-9, 0, -9}, {0, 0, 18}, {18, 0, 0}, white));
+  s.meshes.push_back(quad("lamp", {-0.5f, 0, -0.5f}, {1, 0, 0}, {0, 0, 1}, lamp));
+  s.meshes.back().pose = [](float frame) {
+    glm::mat3 linear(1.0f);
+    if (frame < 25.0f) linear[1][1] = linear[2][2] = -1.0f;
+    return Pose{linear, {0, 1, 0}};
+  };
+  s.frames = 100;
+  s.camera = {.eye = {0, 2, 6}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f};
+  return s;
+}
+
+// Guards against: a hundred times the virtual lights that were asked for, where an animation's first frame is dark.
+TEST(Frames, VirtualLightsAreAsManyAsWereAskedForThoughTheFirstFrameHasNone) {
+  for (const char* method : {"instant_gi", "instant_caching", "temporal_instant_caching"}) {
+    RayTracer rays(turning_lamp());
+    ThreadTeam team(Topology::of_this_process(), Placement::none, 1);
+    FrameRequest request = request_of(rays, team, method);
+    request.width = request.height = 8;
+    request.vpls = 256;
+    FrameRenderer renderer(request);
+    EXPECT_LT(renderer.render(0).pass.vpls_in_use, 26u) << method;
+    const auto lit = renderer.render(60).pass.vpls_in_use;
+    EXPECT_GT(lit, 192u) << method;
+    EXPECT_LT(lit, 320u) << method;
+  }
+}
+
 }  // namespace
 }  // namespace icbench

@@ -125,8 +125,8 @@ def _accuracy(text: str) -> float:
         value = float(text)
     except ValueError:
         value = 0.0
-    if not 0 < value <= 1:
-        raise BadUsage(f"--accuracy '{text}' is not a number in (0, 1]")
+    if not 0.002 <= value <= 1:
+        raise BadUsage(f"--accuracy '{text}' is not a number from 0.002 to 1")
     return value
 
 

@@ -215,25 +215,22 @@ class Replacement {
   Replacement(const Replacement&) = delete;
   Replacement& operator=(const Replacement&) = delete;
   ~Replacement() {
-    if (file_.get() >= 0) ::unlink(temporary_.c_str());
+    if (file_.get() >= 0 && !temporary_.empty()) ::unlink(temporary_.c_str());
   }
 
   Failure open() {
     struct stat there {};
     if (::stat(path_.c_str(), &there) == 0 && !S_ISREG(there.st_mode))
       return failure("this is no regular file; name another");
-    // A file of its own, whoever else is writing one of that name: in another thread, or in another process, which may
-    // have the same number on another machine.
-    static std::atomic<unsigned> next{0};
-    constexpr int kTries = 100;
-    for (int i = 0; file_.get() < 0 && i < kTries; ++i) {
-      // Relaxed: numbers only have to be distinct.
-      temporary_ = path_ + ".tmp" + std::to_string(::getpid()) + "." +
-                   std::to_string(next.fetch_add(1, std::memory_order_relaxed));
-      file_.reset(::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-      if (file_.get() < 0 && errno != EEXIST) break;
-    }
-    return file_.get() < 0 ? failure_of(errno) : Failure{};
+    // Without a name until it is whole, so that a process that is killed leaves nothing; where that cannot be had, with
+    // one.
+    if (::access("/proc/self/fd", X_OK) == 0)
+      file_.reset(::open(folder().c_str(), O_WRONLY | O_TMPFILE | O_CLOEXEC, 0666));
+    const auto create = [&](const char* name) {
+      file_.reset(::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+      return file_.get() >= 0;
+    };
+    return file_.get() >= 0 || with_a_name(create) ? Failure{} : failure_of(errno);
   }
 
   /// Keeps the first error for `finish`.
@@ -243,18 +240,47 @@ class Replacement {
 
   Failure finish() {
     if (error_ == 0 && ::fsync(file_.get()) != 0 && errno != EINVAL && errno != ENOTSUP) error_ = errno;
+    if (error_ == 0 && temporary_.empty()) {
+      const std::string self = "/proc/self/fd/" + std::to_string(file_.get());
+      const auto link = [&](const char* name) {
+        return ::linkat(AT_FDCWD, self.c_str(), AT_FDCWD, name, AT_SYMLINK_FOLLOW) == 0;
+      };
+      if (!with_a_name(link)) error_ = errno;
+    }
     if (error_ == 0 && ::rename(temporary_.c_str(), path_.c_str()) != 0) error_ = errno;
     if (error_ != 0) return failure_of(error_);
     file_.reset();
-    const std::size_t slash = path_.rfind('/');
-    const std::string folder = slash == path_.npos ? "." : path_.substr(0, slash + 1);
-    file_.reset(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    file_.reset(::open(folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (file_.get() >= 0) ::fsync(file_.get());  // some file systems refuse this; the rename stays atomic
     file_.reset();
     return {};
   }
 
  private:
+  std::string folder() const {
+    const std::size_t slash = path_.rfind('/');
+    return slash == path_.npos ? "." : path_.substr(0, slash + 1);
+  }
+
+  // Whether `make` made something of a name of its own, whoever else is writing a file of that path: in another thread,
+  // or in another process, which may have the same number on another machine. Then temporary_ is that name.
+  template <class F>
+  bool with_a_name(F&& make) {
+    static std::atomic<unsigned> next{0};
+    constexpr int kTries = 100;
+    for (int i = 0; i < kTries; ++i) {
+      // Relaxed: numbers only have to be distinct.
+      std::string name = path_ + ".tmp" + std::to_string(::getpid()) + "." +
+                         std::to_string(next.fetch_add(1, std::memory_order_relaxed));
+      if (make(name.c_str())) {
+        temporary_ = std::move(name);
+        return true;
+      }
+      if (errno != EEXIST) return false;
+    }
+    return false;
+  }
+
   std::string failure(std::string_view why) const {
     return "cannot write " + what_ + " to '" + path_ + "': " + std::string(why);
   }

@@ -81,7 +81,7 @@ void add(FrameCost& sum, const FrameCost& cost) {
   to.records_kept += from.records_kept;
   to.records_updated += from.records_updated;
   to.records_dropped += from.records_dropped;
-  to.light_paths = from.light_paths;
+  to.light_paths += from.light_paths;  // of each frame, as those that are traced anew
   to.light_paths_retraced += from.light_paths_retraced;
   to.bytes_beside_cache = from.bytes_beside_cache;
   to.bytes_of_details = from.bytes_of_details;

@@ -193,8 +193,10 @@ void require_room(const FrameRequest& request, const CacheUse& use) {
   if (!request.deterministic || !request.integrator.needs_cache() || use.full == 0) return;
   throw CheckFailed(
       fmt::format("{} records found no room in the cache, so the picture depends on the threads in spite of "
-                  "--deterministic; take a coarser --accuracy or fewer --spp",
-                  use.full));
+                  "--deterministic; {}",
+                  use.full,
+                  request.cache.traits.name == "null" ? "'null' keeps none: take another cache"
+                                                      : "take a coarser --accuracy or fewer --spp"));
 }
 
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost) {

@@ -213,13 +213,21 @@ SweepRequest request_of(const ReplayOptions& o, const Topology& topology) {
 
 void print(const SweepPoint& point, const std::vector<Entry>& repetitions) {
   std::vector<double> ms;
-  for (const Entry& e : repetitions) ms.push_back(e.real_time);
-  const nlohmann::ordered_json& c = repetitions.back().counters;
-  const auto extra = c.contains("redundant_records") ? c["redundant_records"].get<std::int64_t>() : 0;
-  fmt::print("{:<26} {:>3} thread{} {:>10.2f} ms  {:>9} queries  {:>8} records  {:>6} redundant  {}\n",
-             point.cache_name(), point.threads, point.threads == 1 ? " " : "s", median(ms),
-             c["queries"].get<std::uint64_t>(), c["records"].get<std::uint64_t>(), extra,
-             c["same_records"].get<bool>() ? "the render's records" : "other records than the render's");
+  bool same = true;
+  for (const Entry& e : repetitions) {
+    ms.push_back(e.real_time);
+    same = same && e.counters["same_records"].get<bool>();
+  }
+  const auto counted = [&](const char* name) {
+    std::vector<double> all;
+    for (const Entry& e : repetitions) all.push_back(e.counters.value(name, 0.0));
+    return median(all);
+  };
+  fmt::print(
+      "{:<26} {:>3} thread{} {:>10.2f} ms  {:>9.0f} queries  {:>8.0f} records  {:>6.0f} redundant  {}\n",
+      point.cache_name(), point.threads, point.threads == 1 ? " " : "s", median(ms), counted("queries"),
+      counted("records"), counted("redundant_records"),
+      same ? "the render's records" : "other records than the render's");
 }
 
 void replay_command(const ReplayOptions& o) {

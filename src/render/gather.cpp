@@ -42,7 +42,7 @@ struct Path {
   Pcg32 random;
   glm::vec3 weight;  // of the irradiance where the ray left a diffuse surface, in the irradiance asked for
   float q;           // probability with which it was traced there
-  float p_b;         // density of its direction
+  float p_b;         // density of its direction; 0 until it has left another diffuse surface
   std::uint32_t specular;  // mirrors and dielectrics met since that diffuse surface
   std::uint32_t cell;      // of the hemisphere that it began in
 };
@@ -53,6 +53,7 @@ struct Summed {
 
   void add(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
   void add_focused(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
+  void add_of_caustic(std::uint32_t, const glm::vec3& light) noexcept { E += light; }
   void meet(std::uint32_t, const Hit&) noexcept {}
 };
 struct SummedAndSeen : Summed {
@@ -69,6 +70,12 @@ struct SummedAndSeen : Summed {
     if (where == FocusedLight::seen) return add(cell, light);
     E += light;
     apart += light;
+  }
+  // What surfaces reflect of light that was focused on them. Rays find it by chance alone, too, but no particle that
+  // lands at the record tells it.
+  void add_of_caustic(std::uint32_t cell, const glm::vec3& light) noexcept {
+    if (where == FocusedLight::seen) return add(cell, light);
+    E += light;
   }
   void meet(std::uint32_t cell, const Hit& hit) noexcept {
     samples[cell].t = hit.t;
@@ -141,8 +148,10 @@ class Wave {
         const auto arrives = [&](float w) {
           return std::numbers::pi_v<float> * w / path.q * path.weight * material.emission;
         };
-        if (path.specular > 0)
+        if (path.specular > 0 && path.p_b == 0.0f)
           sink_.add_focused(path.cell, arrives(1.0f));
+        else if (path.specular > 0)
+          sink_.add_of_caustic(path.cell, arrives(1.0f));
         else if (count_straight)
           sink_.add(path.cell, arrives(emitter_weight(shared_, hit, rays_[i].d, path.p_b, path.q)));
       }

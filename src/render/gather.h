@@ -36,7 +36,8 @@ GatherResult gather(T& tracer, const Hit& x, const Strata& strata, std::uint64_t
 /// What becomes of light that comes straight from a lamp by way of mirrors and glass, which rays find by chance alone.
 enum class FocusedLight : bool {
   seen,  ///< it is in the cell whose ray found it
-  apart  ///< no cell has it: it is in Hemisphere::apart, and in the irradiance as ever
+  apart  ///< no cell has it: it is in Hemisphere::apart, and in the irradiance as ever. What surfaces reflect of such
+  ///< light is in no cell either, nor apart
 };
 
 /// The same, bit for bit, and what each cell saw; `seen` keeps its memory from call to call.

@@ -64,7 +64,8 @@ struct Hemisphere {
   Strata strata{};
   Basis basis{glm::vec3(0, 0, 1)};
   std::vector<HemisphereSample> samples;
-  Irradiance apart{0.0f};  ///< by light that the samples lack, W/m^2 (FocusedLight, render/gather.h)
+  Irradiance apart{
+      0.0f};  ///< by lamps seen in mirrors and behind glass, W/m^2 (FocusedLight, render/gather.h)
 
   const HemisphereSample& at(std::uint32_t m, std::uint32_t n) const noexcept {
     return samples[static_cast<std::size_t>(m) * strata.azimuths + n];

@@ -30,9 +30,10 @@ struct PassSetup {
   float a = 0.2f;                   ///< accuracy of the cache
   Interpolation interpolation = Interpolation::split_sphere;
   std::uint64_t seed = 0;
-  float cell_size = 8.0f;   ///< of hash cells, pixels
-  std::uint32_t paths = 1;  ///< traced from each visible point, for integrators that say so
-  bool leak_guard = false;  ///< of cached records (render/leak_guard.h)
+  float cell_size = 8.0f;       ///< of hash cells, pixels
+  std::uint32_t paths = 1;      ///< traced from each visible point, for integrators that say so
+  bool leak_guard = false;      ///< of cached records (render/leak_guard.h)
+  std::uint32_t vpl_paths = 0;  ///< that leave the VPLs; 0: planned for the scene as it stands (render/vpl.h)
 };
 
 class IndirectPass {

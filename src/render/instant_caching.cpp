@@ -28,7 +28,7 @@ VplChange update_vpls(VplUpdate& update, Crew& crew) {
 }
 
 InstantCachingSource::InstantCachingSource(const PassSetup& s)
-    : vpls_(s.rays, {s.vpls, s.seed}),
+    : vpls_(s.rays, {s.vpls, s.seed, s.vpl_paths}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       names_(s.rays.scene(), s.width, s.height),

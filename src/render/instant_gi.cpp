@@ -9,7 +9,7 @@ namespace {
 class InstantGiPass final : public IndirectPass {
  public:
   explicit InstantGiPass(const PassSetup& s)
-      : crew_(s.crew), vpls_(s.rays, {s.vpls, s.seed}), shading_(shading_of(vpls_)) {}
+      : crew_(s.crew), vpls_(s.rays, {s.vpls, s.seed, s.vpl_paths}), shading_(shading_of(vpls_)) {}
 
   void begin_frame(const SceneChange&) override { retrace_all(vpls_, crew_); }
 

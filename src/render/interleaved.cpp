@@ -27,7 +27,7 @@ class InterleavedPass final : public IndirectPass {
   explicit InterleavedPass(const PassSetup& s)
       : rays_(s.rays),
         crew_(s.crew),
-        vpls_(s.rays, {s.vpls, s.seed}),
+        vpls_(s.rays, {s.vpls, s.seed, s.vpl_paths}),
         groups_(vpls_, kInterleave),
         shading_(shading_of(vpls_)),
         tiles_(make_tiles(s.width, s.height, 32, TileOrder::scanline)),

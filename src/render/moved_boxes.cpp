@@ -35,7 +35,8 @@ MovedBox::MovedBox(const PosedBox& posed, float epsilon) noexcept
   for (int axis = 0; axis < 3; ++axis)
     step_[axis] = std::abs(inverse_[0][axis]) + std::abs(inverse_[1][axis]) + std::abs(inverse_[2][axis]);
   // Twice epsilon, for both ends of a ray are set off their surfaces by one.
-  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own_padding(posed.box) + 2.0f * epsilon * step_;
+  half_ = 0.5f * (posed.box.upper - posed.box.lower) + own_padding(posed.box) +
+          (2.0f * epsilon + shift_rounding(posed.pose)) * step_;
 }
 
 bool MovedBox::near(const glm::vec3& p, float distance) const noexcept {

@@ -155,8 +155,8 @@ void Occluders::add_moving(RTCScene scene, const PosedBox& at, float pad, std::s
   part.shift = at.pose.shift;
   part.centre = 0.5f * (at.box.lower + at.box.upper);
   const glm::mat3& m = part.to_object;
-  // A step of `pad` in the world is this long in the shape's own space, at most.
-  const glm::vec3 step = pad * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+  // A step of that length in the world is this long in the shape's own space, at most.
+  const glm::vec3 step = (pad + shift_rounding(at.pose)) * (glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
   part.half = 0.5f * (at.box.upper - at.box.lower) + own_padding(at.box) + step;
   const float shrink = own_padding(at.box) + glm::length(step);
   for (const Sphere& sphere : inside)

@@ -96,6 +96,13 @@ inline float own_padding(const Bounds& box) noexcept {
   return 1e-5f * std::max({reach.x, reach.y, reach.z});
 }
 
+/// What a world's coordinates may be off by, metres, as they are taken to a shape's own space: of a shape that lies far
+/// from its pivot the pose shifts by far more than the scene is large. Some times the rounding.
+inline float shift_rounding(const Pose& pose) noexcept {
+  const glm::vec3 far = glm::abs(pose.shift);
+  return 0x1p-21f * std::max({far.x, far.y, far.z});
+}
+
 /// A mesh that moved or changed shape from one frame to another.
 struct MovedMesh {
   std::uint32_t mesh;

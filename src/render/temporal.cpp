@@ -69,7 +69,7 @@ void MovingShadows::mark(const RayTracer& rays, const Hit& point,
 
 TemporalSource::TemporalSource(const PassSetup& s)
     : rays_(s.rays),
-      vpls_(s.rays, {s.vpls, s.seed}),
+      vpls_(s.rays, {s.vpls, s.seed, s.vpl_paths}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
       table_(capacity_of(s), s.crew.size()),

@@ -123,7 +123,48 @@ void follow(Tracer& tracer, std::uint64_t seed, std::uint32_t path, float beyond
   }
 }
 
+// Vertices where paths left the scene lie outside of it whatever the start: at a point light, far off even.
+float beyond(const Scene& scene) noexcept {
+  return 2.0f * glm::length(glm::max(glm::abs(scene.bounds.lower), glm::abs(scene.bounds.upper)));
+}
+
+constexpr std::uint32_t kPilotPaths = 4096;
+
+// VPLs that a path leaves in the scene as it stands, on average.
+double vpls_per_path(const RayTracer& rays, std::uint64_t seed) {
+  Tracer tracer(rays);
+  std::uint64_t left = 0;
+  const std::uint64_t pilot_seed = hash_keys(seed, kPilotStream);
+  const float far = beyond(rays.scene());
+  for (std::uint32_t i = 0; i < kPilotPaths; ++i)
+    follow(tracer, pilot_seed, i, far, [&](const glm::vec3&, const Vpl* vpl) { left += vpl != nullptr; });
+  return static_cast<double>(left) / kPilotPaths;
+}
+
+std::uint32_t paths_for(const RayTracer& rays, std::uint32_t wanted, double per_path) {
+  constexpr double kMaxPathsPerVpl = 64.0;
+  // Where light hardly ever meets a surface, or the lamps are off, the number of paths stays within reason.
+  per_path = rays.scene().lights.empty() ? 1.0 : std::max(per_path, 1.0 / kMaxPathsPerVpl);
+  return static_cast<std::uint32_t>(std::max(1.0, std::round(std::max(wanted, 1u) / per_path)));
+}
+
 }  // namespace
+
+std::uint32_t plan_paths(const RayTracer& rays, const VplParams& params) {
+  return paths_for(rays, params.wanted, vpls_per_path(rays, params.seed));
+}
+
+std::uint32_t plan_paths_of_animation(RayTracer& rays, const VplParams& params) {
+  constexpr double kMany = 1.5;
+  const auto frames = static_cast<float>(rays.scene().frames);
+  double most = 0.0, first = 0.0;
+  for (const float share : {0.75f, 0.5f, 0.25f, 0.0f}) {
+    rays.go_to(std::floor(share * frames));
+    first = vpls_per_path(rays, params.seed);
+    most = std::max(most, first);
+  }
+  return paths_for(rays, params.wanted, most > kMany * first ? most : first);
+}
 
 VplArrays::VplArrays(std::size_t slots)
     : slots_((slots + kWord - 1) / kWord * kWord), values_(kComponents * slots_) {}
@@ -158,21 +199,9 @@ bool VplChange::any() const noexcept {
   return std::any_of(changed.begin(), changed.end(), [](std::uint64_t w) { return w != 0; });
 }
 
-VplSet::VplSet(const RayTracer& rays, const VplParams& params) : rays_(&rays), seed_(params.seed) {
-  const Bounds& box = rays.scene().bounds;
-  // Vertices where paths left the scene lie outside of it whatever the start: at a point light, far off even.
-  beyond_ = 2.0f * glm::length(glm::max(glm::abs(box.lower), glm::abs(box.upper)));
-  Tracer tracer(rays);
-  std::uint64_t left = 0;
-  const std::uint64_t pilot_seed = hash_keys(seed_, kPilotStream);
-  for (std::uint32_t i = 0; i < kPilotPaths; ++i)
-    follow(tracer, pilot_seed, i, beyond_, [&](const glm::vec3&, const Vpl* vpl) { left += vpl != nullptr; });
-  const double wanted = std::max(params.wanted, 1u);
-  // Where light hardly ever meets a surface, or the lamps are off, the number of paths stays within reason.
-  const double per_path = rays.scene().lights.empty()
-                              ? 1.0
-                              : std::max(static_cast<double>(left) / kPilotPaths, 1.0 / kMaxPathsPerVpl);
-  ranges_.resize(static_cast<std::size_t>(std::max(1.0, std::round(wanted / per_path))));
+VplSet::VplSet(const RayTracer& rays, const VplParams& params)
+    : rays_(&rays), seed_(params.seed), beyond_(beyond(rays.scene())) {
+  ranges_.resize(params.paths != 0 ? params.paths : plan_paths(rays, params));
   vpls_ = VplArrays(std::max(params.wanted, 1u));  // a free slot costs as much as one in use: few
   used_.resize(vpls_.words());
 }

@@ -84,7 +84,17 @@ class VplArrays {
 struct VplParams {
   std::uint32_t wanted = 1024;  ///< VPLs, about; >= 1
   std::uint64_t seed = 0;
+  std::uint32_t paths = 0;  ///< as they were planned; 0: for the scene as it stands when the set is made
 };
+
+/// Light paths that leave about as many VPLs as are wanted in the scene as it stands, by a pilot of 4096: at most 64
+/// times as many, where light hardly ever meets a surface.
+std::uint32_t plan_paths(const RayTracer& rays, const VplParams& params);
+
+/// The same of a whole animation: as planned for its first frame, unless a quarter, half or three quarters on these
+/// would leave over 1.5 times as many VPLs as there, as where a lamp turns into a room; then as for that frame. The
+/// scene is at the first frame afterwards.
+std::uint32_t plan_paths_of_animation(RayTracer& rays, const VplParams& params);
 
 /// Which slots an update changed, one bit a slot; exact: what is bitwise as it was is not in it.
 struct VplChange {
@@ -101,8 +111,7 @@ inline constexpr std::uint32_t kNoSlot = ~0u;
 /// The VPLs of a scene, and the paths that left them. Changes only in VplUpdate::commit.
 class VplSet {
  public:
-  /// Plans the paths for the scene as it stands, and traces a pilot of kPilotPaths of them; the set is empty until a
-  /// VplUpdate of all paths is committed.
+  /// Plans the paths, unless they were; the set is empty until a VplUpdate of all paths is committed.
   VplSet(const RayTracer& rays, const VplParams& params);
 
   const VplArrays& vpls() const noexcept { return vpls_; }
@@ -128,16 +137,12 @@ class VplSet {
   /// Memory of VPLs and paths, bytes.
   std::size_t bytes() const noexcept;
 
-  static constexpr std::uint32_t kPilotPaths = 4096;
-
  private:
   friend class VplUpdate;
 
   struct Range {
     std::uint32_t first = 0, count = 0;  // of the vertices
   };
-
-  static constexpr double kMaxPathsPerVpl = 64.0;
 
   std::uint32_t take_slot();  // the lowest free one
   void sort_slots();          // by place; they are the lowest after that

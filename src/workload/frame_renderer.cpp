@@ -4,15 +4,19 @@
 #include <chrono>
 #include <utility>
 
+#include "render/vpl.h"
 #include "workload/cached_pass.h"
 
 namespace icbench {
 namespace {
 
 std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
-  const PassSetup setup{r.rays,   crew,        r.width, r.height,
-                        r.gather, r.vpls,      r.a,     r.interpolation,
-                        r.seed,   r.cell_size, r.paths, guards_against_leaks(r)};
+  PassSetup setup{r.rays,   crew,        r.width, r.height,
+                  r.gather, r.vpls,      r.a,     r.interpolation,
+                  r.seed,   r.cell_size, r.paths, guards_against_leaks(r)};
+  // The same whichever frame comes first, so that a still is as in the animation.
+  if (r.integrator.uses_vpls && r.rays.scene().frames > 1)
+    setup.vpl_paths = plan_paths_of_animation(r.rays, {r.vpls, r.seed});
   if (!r.integrator.needs_cache()) return r.integrator.pass(setup);
   CachedPassSetup cached;
   cached.cache = cache_config(r, crew.size());
