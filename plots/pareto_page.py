@@ -1,6 +1,7 @@
 """The report's part on speed against error: what to use in how much time, the front in numbers, and pictures."""
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import style  # first: it checks what is installed
@@ -79,6 +80,14 @@ def sentence(scene: str, part: pd.DataFrame) -> str:
     return f"<p><b>{text(said)}.</b></p>"
 
 
+def _bias(line: pd.Series) -> str:
+    """The bias; where it is less than twice its standard error, what it is below by that."""
+    squared, error = line.get("bias_squared", math.nan), line.get("bias_squared_error", math.nan)
+    if not squared < 2 * error:  # or not told
+        return style.number(line["bias"])
+    return f"&lt;&nbsp;{style.number(math.sqrt(max(squared, 0) + 2 * error))}"
+
+
 def front_table(part: pd.DataFrame) -> str:
     """All points that are on a front, by rising time."""
     shown = [e for e in kFront if e in part]
@@ -97,7 +106,8 @@ def front_table(part: pd.DataFrame) -> str:
             star = "&nbsp;*" if error == "relmse" and line.get("below_reference") else ""
             cells.append(f'<td class="n{" good" if line[f"front_{error}"] else ""}">{value}{star}</td>')
         for n in has:
-            value = (interval(line[n], line[f"{n}_low"], line[f"{n}_high"]) if f"{n}_low" in line
+            value = (_bias(line) if n == "bias" else
+                     interval(line[n], line[f"{n}_low"], line[f"{n}_high"]) if f"{n}_low" in line
                      else style.number(line[n]))
             cells.append(f'<td class="n">{value}</td>')
         lines.append(f"<tr>{''.join(cells)}</tr>")
@@ -148,8 +158,10 @@ def _legend(part: pd.DataFrame) -> str:
     runs = int(part["bias_runs"].max()) if "bias_runs" in part and part["bias_runs"].notna().any() else 0
     if runs:
         said += (f"Bias is what {style.plural(runs, 'independent run')} have in common, deviation what sets them "
-                 "apart, both W/(m² sr), by bias² = MSE - variance less the reference's; 0 means not to be told "
-                 "from noise. ")
+                 "apart, both W/(m² sr), by bias² = MSE - variance less the reference's. "
+                 + ("<: not to be told from noise, which would hide one of that size (twice the standard error of "
+                    "bias², over blocks of pixels). " if "bias_squared_error" in part
+                    else "How sure it is, these results do not say. "))
     said += ("The mean is over the reference's mean. The whole picture has one sample through the centre of each "
              "pixel, its reference samples all over it: edges count there, and for all methods alike")
     return said

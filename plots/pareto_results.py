@@ -23,7 +23,7 @@ kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "relmse_irradiance": 
            "hdrvdp_p95": "HDR-VDP, % of pixels at 95 %", "full_relmse": "relMSE of the whole picture"}
 kSpread = (*kErrors, "mean_ratio")  # told with the spread of the runs
 kOthers = ("full_rmse", "full_flip", "full_mean_ratio", "rays", "records", "seconds")
-kOfLast = ("bias", "deviation", "bias_runs")  # of all runs together: the last one tells
+kOfLast = ("bias", "bias_squared", "bias_squared_error", "deviation", "bias_runs")  # of all runs together: the last one tells
 kReference = ("reference_spp", "reference_rmse", "reference_relmse", "reference_rmse_irradiance",
               "reference_relmse_irradiance", "full_reference_relmse", "width", "height", "relmse_scale")
 kNeeded = ("scene", "method", "seconds_indirect", "relmse")

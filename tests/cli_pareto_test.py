@@ -79,7 +79,7 @@ class Pareto(Case):
                "temporal_instant_caching": {"vpls", "accuracy", "records"}}
         for row in self.rows:
             fields = always | own[row["method"]]
-            fields |= {"bias", "deviation", "bias_runs"} if row["repetition_index"] else set()
+            fields |= {"bias", "bias_squared", "bias_squared_error", "deviation", "bias_runs"} if row["repetition_index"] else set()
             self.assertLessEqual(fields, row.keys(), row["name"])
             parameters = "/".join(f"{part.split(':')[0]}:{row[part.split(':')[0]]}"
                                   for part in row["name"].split("/")[3:])
@@ -97,10 +97,17 @@ class Pareto(Case):
             mine = sorted((row for row in self.rows if row["name"] == name), key=lambda r: r["repetition_index"])
             last = mine[-1]
             self.assertEqual(last["bias_runs"], 3)
-            if last["bias"] > 0:
-                mean = statistics.fmean(row["rmse"] ** 2 for row in mine)
-                parts = last["bias"] ** 2 + last["deviation"] ** 2 + last["reference_rmse"] ** 2
-                self.assertAlmostEqual(parts / mean, 1, places=6)
+            mean = statistics.fmean(row["rmse"] ** 2 for row in mine)
+            parts = last["bias_squared"] + last["deviation"] ** 2 + last["reference_rmse"] ** 2
+            self.assertAlmostEqual(parts / mean, 1, places=5)
+            self.assertAlmostEqual(last["bias"], math.sqrt(max(0, last["bias_squared"])), places=9)
+            self.assertGreater(last["bias_squared_error"], 0)
+            if last["method"] == "path":  # has none
+                self.assertLess(abs(last["bias_squared"]), 4 * last["bias_squared_error"])
+
+    def test_a_bias_is_told_from_noise(self):
+        biased = [row for row in self.of("hash_cells") if row.get("bias_runs") == 3 and row["spp"] > 1]
+        self.assertTrue(any(row["bias_squared"] > 3 * row["bias_squared_error"] for row in biased), biased)
 
     def test_more_samples_are_nearer(self):
         for few, many in (("path/spp:1", "path/spp:64"), ("hash_cells/cell_size:8/spp:1", "path/spp:64"),

@@ -82,10 +82,6 @@ double figure(MetricFunction metric, const Image& reference, const Image& image)
   return first_of(metric(reference, image, nullptr));
 }
 
-double mean_square(const Image& image) {
-  return channel_mean(image, image, [](double a, double) { return a * a; });
-}
-
 Image mean_of(const Image& a, const Image& b) {
   Image out = a;
   for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = 0.5f * (a.pixels[i] + b.pixels[i]);
@@ -177,28 +173,53 @@ std::vector<bool> pareto_front(std::span<const double> seconds, std::span<const 
 
 std::uint64_t pareto_bytes(const ParetoRequest& r, std::size_t points) {
   const auto pixels = static_cast<std::uint64_t>(r.frame.width) * static_cast<std::uint64_t>(r.frame.height);
-  constexpr std::uint64_t kImages = 10;     // references and pictures at a time
+  constexpr std::uint64_t kImages = 11;     // references and pictures at a time
   constexpr std::uint64_t kObserver = 300;  // HDR-VDP
-  return pixels * (kObserver + (kImages + points) * sizeof(glm::vec3) + sizeof(Hit));
+  return pixels * (kObserver + (kImages + 2 * points) * sizeof(glm::vec3) + sizeof(Hit));
 }
 
 void RunErrors::add(const Image& reference, const Image& image) {
-  Image difference = image;
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) difference.pixels[i] -= reference.pixels[i];
-  squares_ += mean_square(difference);
-  if (runs_++ == 0) {
-    sum_ = std::move(difference);
-    return;
+  if (runs_++ == 0) sum_ = squares_ = make_image(image.width, image.height);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const glm::vec3 difference = image.pixels[i] - reference.pixels[i];
+    sum_.pixels[i] += difference;
+    squares_.pixels[i] += difference * difference;
   }
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) sum_.pixels[i] += difference.pixels[i];
 }
 
-double RunErrors::bias_squared() const noexcept {
+RunErrors::Bias RunErrors::bias(const Reference& reference) const {
   const double n = runs_;
-  return (mean_square(sum_) - squares_) / (n * (n - 1.0));
+  const int side = std::clamp(std::min(sum_.width, sum_.height) / 16, 1, 8);
+  const auto blocks_x = static_cast<std::size_t>((sum_.width + side - 1) / side);
+  std::vector<double> blocks(blocks_x * static_cast<std::size_t>((sum_.height + side - 1) / side));
+  for (int y = 0; y < sum_.height; ++y)
+    for (int x = 0; x < sum_.width; ++x) {
+      const auto i =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(sum_.width) + static_cast<std::size_t>(x);
+      const glm::dvec3 sum(sum_.pixels[i]), own(reference.half_difference.pixels[i]);
+      const glm::dvec3 squared = (sum * sum - glm::dvec3(squares_.pixels[i])) / (n * (n - 1.0)) - own * own;
+      blocks[static_cast<std::size_t>(y / side) * blocks_x + static_cast<std::size_t>(x / side)] +=
+          squared.x + squared.y + squared.z;
+    }
+  const double values = 3.0 * static_cast<double>(sum_.pixels.size());
+  double all = 0.0, squares = 0.0;
+  for (const double block : blocks) {
+    all += block;
+    squares += block * block;
+  }
+  return {all / values, std::sqrt(squares) / values};
 }
 
-double RunErrors::variance() const noexcept { return squares_ / runs_ - bias_squared(); }
+double RunErrors::variance() const noexcept {
+  const double n = runs_;
+  double all = 0.0;
+  for (std::size_t i = 0; i < sum_.pixels.size(); ++i) {
+    const glm::dvec3 sum(sum_.pixels[i]);
+    const glm::dvec3 own = (glm::dvec3(squares_.pixels[i]) - sum * sum / n) / (n - 1.0);
+    all += own.x + own.y + own.z;
+  }
+  return all / (3.0 * static_cast<double>(sum_.pixels.size()));
+}
 
 double ParetoStudy::reference_work(const ParetoRequest& r) {
   // Indirect light, direct light, all light: rays go about as 4 to 1 to 5.
@@ -351,9 +372,10 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["full_reference_relmse"] = full_relmse_;
   c["below_reference"] = error - reference_.scaled_relmse < reference_.scaled_relmse;
   if (errors.runs() >= 2) {
-    // All runs share the reference, and with it its error.
-    const double bias2 = errors.bias_squared() - reference_.rmse * reference_.rmse;
-    c["bias"] = std::sqrt(std::max(0.0, bias2));
+    const RunErrors::Bias bias = errors.bias(reference_);
+    c["bias"] = std::sqrt(std::max(0.0, bias.squared));
+    c["bias_squared"] = bias.squared;
+    c["bias_squared_error"] = bias.error;
     c["deviation"] = std::sqrt(std::max(0.0, errors.variance()));
     c["bias_runs"] = errors.runs();
   }

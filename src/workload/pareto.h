@@ -82,15 +82,21 @@ class RunErrors {
 
   unsigned runs() const noexcept { return runs_; }
 
-  /// Mean over channels and pixels of the square of the expected picture's difference from the reference: mean squared
-  /// error less variance, unbiased, and so below 0 at times. Of two runs and more.
-  double bias_squared() const noexcept;
-  double variance() const noexcept;  ///< of one run, the same mean; of two runs and more
+  /// Of two runs and more, W^2/(m^4 sr^2).
+  struct Bias {
+    /// Mean over channels and pixels of the square of the expected picture's difference from the truth: mean squared
+    /// error less variance, and less what the reference itself errs by. Unbiased, and so below 0 at times.
+    double squared;
+    /// Its standard error were there none. Pixels may err alike: blocks of them, 8 x 8 or in small pictures fewer, so
+    /// that there are some hundreds, are taken for independent of one another.
+    double error;
+  };
+  Bias bias(const Reference& reference) const;
+  double variance() const noexcept;  ///< of one run, mean over channels and pixels; of two runs and more
 
  private:
   unsigned runs_ = 0;
-  double squares_ = 0.0;  // sum over runs of the mean square
-  Image sum_;             // of the differences
+  Image sum_, squares_;  // of the differences, by channel
 };
 
 class ParetoStudy {

@@ -65,9 +65,10 @@ Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std:
   }
   Reference out;
   out.spp = 2 * half_spp;
-  out.indirect = halves[0];
+  out.indirect = out.half_difference = halves[0];
   for (std::size_t i = 0; i < out.indirect.pixels.size(); ++i) {
     out.indirect.pixels[i] = 0.5f * (halves[0].pixels[i] + halves[1].pixels[i]);
+    out.half_difference.pixels[i] = 0.5f * (halves[0].pixels[i] - halves[1].pixels[i]);
   }
   // A half lies as far from the mean of both, in expectation, as that mean lies from the truth.
   out.relmse = 0.5 * (figure(relmse, out.indirect, halves[0]) + figure(relmse, out.indirect, halves[1]));

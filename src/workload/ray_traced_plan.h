@@ -17,6 +17,7 @@ namespace icbench {
 /// Indirect radiance at primary hits by path tracing, with its own error.
 struct Reference {
   Image indirect;
+  Image half_difference;  ///< of the two independent halves whose mean `indirect` is, by pixel
   double relmse =
       0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
   double rmse = 0.0;  ///< likewise, W/(m^2 sr)
