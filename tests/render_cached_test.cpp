@@ -250,18 +250,21 @@ TEST(RenderExtrapolation, APointOffTheSurfaceOfARecordIsFarAway) {
 // records that count so far away that no new ones are made.
 TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
   constexpr float kA = 0.5f;
+  const float reach = search_reach(Interpolation::occlusion_hessian) * kA;
   RecordShapes shapes = shapes_in_a_cube(Interpolation::occlusion_hessian, kA, 2);
   const auto record_at = [&](float x, float E) {
     const std::uint32_t id = shapes.details.draft(0);
     shapes.details.keep(0);
     shapes.details[id] = {
         .gradients = {}, .major = {1, 0, 0}, .inverse_major = 10.0f, .inverse_minor = 10.0f, .marks = {}};
-    return Record{{x, 0, 0}, {0, 0, 1}, 1.0f, glm::vec3(E), id};
+    return Record{{x, 0, 0}, {0, 0, 1}, kOverlap * 0.1f / reach, glm::vec3(E), id};
   };
   const Record left = record_at(0.0f, 1.0f), right = record_at(0.25f, 2.0f);
   const auto mean_at = [&](float x) {
-    Extrapolator sum(shapes, {{x, 0, 0}, left.n});
-    for (const Record& r : {left, right}) sum(r, 1.0f);
+    const SurfacePoint at{{x, 0, 0}, left.n};
+    Extrapolator sum(shapes, at);
+    for (const Record& r : {left, right})
+      if (const float w = split_sphere_weight(at, r, reach); w > 0.0f) sum(r, w);
     return sum.result();
   };
   const auto weight = [](float e) { return (1.0f - e / kOverlap) / (e * e * e * e + 0.5f); };
@@ -270,6 +273,32 @@ TEST(RenderExtrapolation, RecordsOverlapButWhatNoneCoversIsAMiss) {
   EXPECT_FALSE(mean_at(0.125f).has_value()) << "a distance of 1.25 ellipses from either";
   EXPECT_NEAR(mean_at(-0.03f)->x, 1.0f + weight(2.8f) / (weight(0.3f) + weight(2.8f)), 1e-5f);
   EXPECT_FLOAT_EQ(mean_at(-0.09f)->x, 1.0f) << "3.4 ellipses from the one on the right";
+}
+
+// Guards against: light that jumps on curved surfaces, where the search ends before a record's weight is 0.
+TEST(RenderExtrapolation, WeightsFallToNothingOnCurvedSurfacesToo) {
+  for (const Interpolation level : {Interpolation::geometric_hessian, Interpolation::occlusion_hessian})
+    for (const float radius : {1.0f, 0.1f, 0.05f, 0.02f}) {  // of a cylinder; the ellipse's is 0.05
+      constexpr float kA = 0.2f, kStep = 1e-3f;
+      RecordShapes shapes = shapes_in_a_cube(level, kA, 1);
+      const std::uint32_t id = shapes.details.draft(0);
+      shapes.details[id] = {
+          .gradients = {}, .major = {1, 0, 0}, .inverse_major = 20.0f, .inverse_minor = 20.0f, .marks = {}};
+      const float reach = search_reach(level) * kA;
+      const Record r{{0, 0, radius}, {0, 0, 1}, kOverlap * 0.05f / reach, glm::vec3(1.0f), id};
+      float before = 0.0f, most = 0.0f;
+      for (float angle = 0.0f; angle < 1.5f; angle += kStep) {
+        const glm::vec3 n(std::sin(angle), 0.0f, std::cos(angle));
+        const SurfacePoint x{radius * n, n};
+        const float found = split_sphere_weight(x, r, reach);
+        const float w = found > 0.0f ? std::max(Extrapolator(shapes, x).of(r, found).w, 0.0f) : 0.0f;
+        if (angle > 0.0f) EXPECT_LT(std::fabs(w - before), 0.1f) << name_of(level) << ", radius " << radius;
+        most = std::max(most, w);
+        before = w;
+      }
+      EXPECT_GT(most, 1.0f);
+      EXPECT_EQ(before, 0.0f);
+    }
 }
 
 // Guards against: slats lit by what their neighbours' records could only guess at, and points given by one steep

@@ -52,11 +52,14 @@
 //
 // The error e of a record is 1 at the border of its ellipse. A point in no ellipse needs a new record; in all others
 // every record counts that has e < kOverlap, with weight (1 - e / kOverlap) / (e^4 + kNoise): the square of what
-// extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. Were a
-// record to count within its ellipse alone, most points would have one or two, on the side where the first ray happened
-// to arrive, and corners, extrapolated from the open, would be too bright. R is that of the last point where a record
-// counts. A pixel that has had its answer when a record of its tile is made that counts there asks again, unless it has
-// a record of its own (render/irradiance_cache.h); what other tiles' records would bring later, it does without.
+// extrapolation misses grows as the fourth power of the distance, the square of a record's noise does not. But the
+// search finds those alone at which normals turn a third as far as kOverlap would let them, and 1 - b takes the place
+// of 1 - e / kOverlap where it is less, b being 1 where the search ends: else light would jump there on curved
+// surfaces. Were a record to count within its ellipse alone, most points would have one or two, on the side where the
+// first ray happened to arrive, and corners, extrapolated from the open, would be too bright. R is that of the last
+// point where a record counts, if it faces the same way. A pixel that has had its answer when a record of its tile is
+// made that counts there asks again, unless it has a record of its own (render/irradiance_cache.h); what other tiles'
+// records would bring later, it does without.
 //
 // Gradients are trusted as far as they do not promise too much. By geometry alone, as without ellipses, they are cut
 // down once and for all, so that E changes by a share search_reach a at most on the whole way to where the record ends
@@ -348,8 +351,11 @@ class Extrapolator {
     const bool has_details = r.id != RecordDetails::kNone, by_ellipse = elliptic_ && has_details;
     const float error = by_ellipse ? error_of(r) : inverse_a_ / weight;
     if (!(error < (by_ellipse ? kOverlap : 1.0f))) return {r.E, 0.0f, false};
-    const float w =
-        elliptic_ ? (1.0f - error / kOverlap) / (square(square(error)) + kNoise) : weight - inverse_a_;
+    // To 0 where e ends, or where the search does that led here, which lets normals turn less far.
+    const float last = by_ellipse ? std::min(1.0f - error / kOverlap, 1.0f - inverse_turn_ / weight)
+                                  : 1.0f - error / kOverlap;
+    if (by_ellipse && !(last > 0.0f)) return {r.E, 0.0f, false};
+    const float w = elliptic_ ? last / (square(square(error)) + kNoise) : weight - inverse_a_;
     bool covers = error < 1.0f;
     if (!has_details) return {r.E, w, covers};
     const RecordDetail& detail = details_[r.id];
