@@ -4,7 +4,9 @@
 // gathers from the VPLs of one group only, and the pixels of every n x n block from all groups. That leaves a pattern,
 // which a second pass takes out: a pixel takes the mean irradiance of the n x n pixels around it, of those that lie on
 // the same smooth surface nearby (discontinuity buffer). Irradiance is filtered, not radiance, so that textures stay.
-// Where all n n pixels take part, every group has, and the mean is that of the full set.
+// Where all n n pixels take part, every group has, and the mean is that of the full set as far as the groups have
+// equally many paths: each is scaled by its own share of them. With 256 VPLs in nine groups that is 0.2 % on average,
+// with 1,024 a tenth of it, and no bias.
 //
 // What a pixel sees besides its main hit, behind mirrors and glass, is lit by all VPLs and is not filtered.
 //
