@@ -7,8 +7,9 @@ import style  # first: it checks what is installed
 
 import pandas as pd
 
+from intervals import summarise
 from pareto_results import Measured, Settings, pool, read_rows
-from results import InputError, summarise
+from results import InputError
 
 kFiles = "results of anatomy"
 # What is compared, each with one thing more than the last: part, name, what a query to it is.

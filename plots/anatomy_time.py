@@ -10,8 +10,8 @@ from matplotlib import ticker
 
 from anatomy_results import kFiles, kPoints, load, name_of, points
 from figure import Built, Figure, Panel, Plate, main
+from intervals import interval_note
 from pareto_results import Measured
-from results import interval_note
 
 kColours = {"wait_free": style.kVermilion, "replicated": style.kOrange, "packed_scalar": style.kSky,
             "packed_wait_free": style.kBlue, "packed_batch": style.kBlue}

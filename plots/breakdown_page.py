@@ -4,8 +4,9 @@ from __future__ import annotations
 import pandas as pd
 
 import style
+from intervals import summarise
 from over_threads import cache_rows, panels_of, thread_marks
-from results import Setup, summarise
+from results import Setup
 from tables import interval, note_line, table, text
 from time_breakdown import kPanels
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import style
-from results import Setup, kFewRepetitions, kMinRepetitions, kNoisy, summarise
+from intervals import kFewRepetitions, kMinRepetitions, kNoisy, summarise
+from results import Setup
 
 
 @dataclass

@@ -23,8 +23,9 @@ import numpy as np
 import pandas as pd
 
 from figure import Omitted
+from intervals import interval_of, kPairKeys, median_intervals, summarise
 from over_threads import cache_rows, thread_marks
-from results import Setup, interval_of, is_lock, kPairKeys, median_intervals, redundant_share, summarise
+from results import Setup, is_lock, redundant_share
 from scalability import kTail, laws
 
 kRays = [round(2 ** (k / 2)) for k in range(2, 25)]  # 2 to 4,096, two to the octave

@@ -9,8 +9,9 @@ import style
 from choice import (Answer, Choice, answer, choice, errors_at, evidence, kExtrapolated, kMeasured, kNegligible,
                     kSimulated, tails)
 from figure import Omitted
+from intervals import kFewRepetitions, summarise
 from over_threads import cache_rows
-from results import kFewRepetitions, Setup, summarise
+from results import Setup
 from tables import note_line, table, text
 
 kRows = (4, 16, 64, 256, 1024)   # of the static table

@@ -3,7 +3,7 @@
 Every cell (cache, workload, thread count) that both measured gets the ratio of the second run over the first with its
 95 % interval, by bootstrap: over ratios paired by repetition where both runs had the same seed, so that a repetition
 asked for the same points and rays; else of the ratio of medians, each run's repetitions drawn by themselves. Runs are
-told apart by machine and never pooled. Intervals are expanded for few repetitions as those of results.py are, by the
+told apart by machine and never pooled. Intervals are expanded for few repetitions as those of intervals.py are, by the
 fewest that go into a ratio; of fewer than kFewRepetitions there is an interval, but no verdict, for it covers too little.
 """
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 import pandas as pd
 
 import style
-from results import kFewRepetitions, kIdentityKeys, kMinRepetitions, Setup, tail
+from intervals import kFewRepetitions, kMinRepetitions, tail
+from results import kIdentityKeys, Setup
 
 kDraws = 1000
 kMachineKeys = ("host_name", "cpu_model", "cpu", "num_cpus", "machine")

@@ -7,7 +7,7 @@ import pandas as pd
 
 import style
 from comparison import Comparison, kMetrics, metric_words
-from results import kConfidence, kFewRepetitions
+from intervals import kConfidence, kFewRepetitions
 from tables import interval, note_line, table, text
 
 kTitle = "What differs"

@@ -13,8 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import kMinRepetitions, paired, summarise
 from over_threads import cache_rows
-from results import Setup, is_lock, is_wait_free, kMinRepetitions, paired, summarise, workload_label
+from results import Setup, is_lock, is_wait_free, workload_label
 
 kColours = LinearSegmentedColormap.from_list("locks to wait-free",
                                              ["#B04A00", "#F2B183", "#FAFAFA", "#7DB7DF", "#00568A"])

@@ -3,8 +3,9 @@
 import sys
 
 from figure import Built, Figure, Omitted, main
+from intervals import paired, summarise
 from over_threads import cache_rows, groups_of, kGroupKeys, line_plates, with_oversubscription
-from results import Setup, paired, summarise
+from results import Setup
 
 
 def build(setup: Setup) -> Built:

@@ -3,14 +3,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pandas as pd
 from matplotlib.markers import MarkerStyle
 
 import interactive
 import style
+from intervals import summarise
 from over_threads import cache_rows, groups_of, oversubscribed_from, select_workloads
-from results import redundant_share, Setup, summarise, workload_label, workload_order
+from results import redundant_share, Setup, workload_label, workload_order
 from tables import text
 
 # Field, words, unit, factor, logarithmic, more is better.

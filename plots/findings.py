@@ -14,8 +14,9 @@ import contention_map
 import speed_error
 import style
 from figure import Omitted
+from intervals import interval_of, kMinRepetitions, kPairKeys, paired
 from over_threads import cache_rows, kUncached, panels_of, thread_marks
-from results import Setup, interval_of, is_lock, kMinRepetitions, kPairKeys, paired
+from results import Setup, is_lock
 
 
 kStrict = "_snapshot"  # ends the name of a cache that differs from its namesake by stricter queries alone

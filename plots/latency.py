@@ -9,9 +9,10 @@ import pandas as pd
 
 import percentiles
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import interval_note
 from over_threads import (cache_handles, cache_rows, groups_of, kGroupKeys, panels_of,
                           thread_marks)
-from results import Setup, interval_note
+from results import Setup
 
 kPanels = 4  # workloads drawn; each takes a panel per operation and thread count
 

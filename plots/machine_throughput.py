@@ -9,9 +9,10 @@ import pandas as pd
 
 from comparison import kBuildKeys, one_versions, OneVersion
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import interval_note, summarise
 from over_threads import (cache_handles, cache_rows, draw_over_threads, groups_of, kGroupKeys, panels_of,
                           topology_handles, with_oversubscription)
-from results import InputError, interval_note, load, summarise
+from results import InputError, load
 
 kWorkloads = 3  # drawn of a structure; the CSV has all
 kScale = 1e-6

@@ -16,7 +16,8 @@ from matplotlib.patches import Patch
 
 import style
 from figure import Built, Omitted, Panel, Plate
-from results import Setup, interval_note, summarise, workload_order
+from intervals import interval_note, summarise
+from results import Setup, workload_order
 
 kPanels = 12  # workloads drawn at most; the CSV has all
 kShade = "#f1ece2"

@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from figure import Built, Figure, Panel, Plate, main
+from intervals import interval_note
 from pareto_results import kErrors, kFiles, Measured, load, method_order, on_front, points
-from results import interval_note
 
 kDrawn = {"relmse": "Error of the indirect light", "rmse": "The same as a difference of radiance",
           "flip": "What is seen when flipping between pictures",

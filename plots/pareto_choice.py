@@ -10,8 +10,8 @@ import pandas as pd
 
 import interactive
 from explorer import swatch
+from intervals import few_note
 from pareto_results import Measured, method_order, on_front, setting_words
-from results import few_note
 from tables import note_line, table, text
 
 # The errors that one can choose by: field, name, what a value is of, field of the reference's own error.

@@ -10,7 +10,7 @@ import pandas as pd
 
 import pareto_choice
 from inline import data_uri, image
-from pareto_results import Measured, Pictures, method_order, points, setting_words
+from pareto_results import Measured, Pictures, points, setting_words
 from tables import interval, note_line, table, text
 
 kTitle = "Speed against error, all methods"

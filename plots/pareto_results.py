@@ -14,7 +14,8 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
-from results import InputError, kIdentityKeys, read_json, summarise
+from intervals import summarise
+from results import InputError, kIdentityKeys, read_json
 
 kFiles = "results of icbench pareto, a scene each"
 # Errors that the front is drawn for: field, name, what a value is of.

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import ticker
 
-from results import summarise
+from intervals import summarise
 
 kField = r"latency_(query|insert)_(p\d+|max)_ns"
 kTicks = {0.5: "50", 0.9: "90", 0.99: "99", 0.999: "99.9", 0.9999: "99.99", 0.99999: "99.999"}

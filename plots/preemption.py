@@ -7,10 +7,10 @@ import style  # first: it checks what is installed
 
 import percentiles
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import interval_note
 from over_threads import cache_handles
 from pareto_results import Measured
 from preemption_results import kFiles, latencies, load, panel_name
-from results import interval_note
 
 
 def _stalled(measured: Measured, caches: list[str], keys: dict) -> str:

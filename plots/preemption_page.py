@@ -3,9 +3,9 @@ from __future__ import annotations
 
 import style  # first: it checks what is installed
 
+from intervals import few_note, summarise
 from pareto_results import Measured
 from preemption_results import panel_name
-from results import few_note, summarise
 from tables import interval, note_line, table, text
 
 kTitle = "When a thread is held"

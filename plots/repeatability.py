@@ -9,9 +9,9 @@ import pandas as pd
 from matplotlib.lines import Line2D
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import interval_note
 from pareto_results import Measured
 from repeatability_results import about, groups, kFiles, load, points
-from results import interval_note
 
 kColours = (style.kBlue, style.kVermilion, style.kGreen, style.kPurple, style.kOrange, style.kSky)
 kDrawn = {"rms_to_single_share_of_mean": True, "rms_to_last_run_share_of_mean": False}  # filled or hollow

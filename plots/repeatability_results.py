@@ -8,8 +8,9 @@ import style  # first: it checks what is installed
 import numpy as np
 import pandas as pd
 
+from intervals import summarise
 from pareto_results import Measured, Settings, pool, read_rows
-from results import InputError, summarise
+from results import InputError
 
 kFiles = "results of icbench repeatability"
 # What a picture is compared with: field, name.

@@ -50,8 +50,9 @@ from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, CHANGE_FIGURES, COMPARI
                      TIMELINE_FIGURES, VERSION_FIGURES)
 from findings import Finding, findings
 from inline import data_uri, drawing, image
+from intervals import summarise
 from over_threads import cache_rows
-from results import InputError, Setup, load, summarise
+from results import InputError, Setup, load
 from tables import note_line, text
 
 kTemplate = Path(__file__).resolve().parent / "template.html"

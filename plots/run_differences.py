@@ -10,7 +10,8 @@ import pandas as pd
 
 from comparison import Comparison, cache_names, comparisons, shown_threads
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from results import InputError, kFewRepetitions, load
+from intervals import kFewRepetitions
+from results import InputError, load
 
 kMeans = "Geometric means over the workloads that both runs measured"
 

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import nnls
 
-from results import kConfidence, kMinRepetitions
+from intervals import kConfidence, kMinRepetitions
 
 kLeastCounts = 6     # thread counts without oversubscription that a fit needs
 kRefits = 300

@@ -10,8 +10,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import summarise
 from over_threads import cache_rows, groups_of, kGroupKeys, panels_of, thread_axis
-from results import Setup, summarise
+from results import Setup
 from scalability import Law, kLess, laws
 
 kFurther = 4  # the law is drawn up to this many times the largest thread count it was fitted to

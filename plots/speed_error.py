@@ -11,8 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import interval_note, summarise
 from over_threads import Group, groups_of, kUncached, thread_marks
-from results import Setup, interval_note, summarise
+from results import Setup
 
 kThreadCounts = 3  # thread counts drawn per scene: one, all cores, four a core
 kFloor = "#6b6b6b"

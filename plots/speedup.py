@@ -7,8 +7,9 @@ import style  # first: it checks what is installed
 import pandas as pd
 
 from figure import Built, Figure, Omitted, main
+from intervals import paired, summarise
 from over_threads import cache_rows, groups_of, kGroupKeys, line_plates, with_oversubscription
-from results import Setup, paired, summarise
+from results import Setup
 
 
 def base_of(rows: pd.DataFrame) -> tuple[str, int]:

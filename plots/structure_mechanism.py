@@ -11,8 +11,9 @@ import pandas as pd
 from matplotlib.colors import LinearSegmentedColormap
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import paired, summarise
 from over_threads import cache_rows
-from results import Setup, is_lock, is_wait_free, paired, summarise, workload_label
+from results import Setup, is_lock, is_wait_free, workload_label
 
 kColours = LinearSegmentedColormap.from_list("slower to faster", ["#F2B183", "#FAFAFA", "#7DB7DF", "#00568A"])
 kBase = "global_mutex"  # on the structure that is alphabetically last of those that have it: Ward's

@@ -9,8 +9,9 @@ import speed_error
 import style
 from figure import Omitted
 from findings import leaders, structures, synchronised
+from intervals import summarise
 from over_threads import cache_rows, panels_of, thread_marks
-from results import Setup, summarise
+from results import Setup
 
 kColumns = 6  # thread counts a table shows
 

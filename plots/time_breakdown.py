@@ -10,8 +10,9 @@ from matplotlib import ticker
 from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from intervals import summarise
 from over_threads import cache_rows, groups_of, panels_of
-from results import Setup, summarise
+from results import Setup
 
 # Field without time_ and _share: name, colour, hatch; in the order of the stack.
 kParts = {

@@ -6,7 +6,6 @@ from functools import partial
 import style  # first: it checks what is installed
 
 import numpy as np
-import pandas as pd
 from matplotlib import colors, ticker
 from matplotlib.patches import Patch
 

@@ -14,6 +14,7 @@ from plots_support import InFolder, write_results
 
 import choice
 import choice_page
+import intervals
 import results
 import scalability
 import scaling_law
@@ -121,7 +122,7 @@ class Choice(InFolder):
         self.assertEqual(found.lines[0].cache, times.idxmin())
         self.assertAlmostEqual(found.lines[0].time, times.min(), places=15)
         lock = next(line for line in found.lines if line.kind == "one lock")
-        pairs = results.paired(mine[mine["cache"] == found.lines[0].cache], mine[mine["cache"] == lock.cache], [],
+        pairs = intervals.paired(mine[mine["cache"] == found.lines[0].cache], mine[mine["cache"] == lock.cache], [],
                                "items_per_second")["ratio"]
         self.assertAlmostEqual(lock.ratio[0], pairs.median(), places=9)
         self.assertLess(lock.ratio[1], lock.ratio[0])

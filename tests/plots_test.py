@@ -21,6 +21,7 @@ from plots_support import InFolder, read_csv, run, run_afresh, write_results
 
 import contention_map
 import grid
+import intervals
 import over_threads
 import results
 import speed_error
@@ -31,12 +32,12 @@ from figures import (ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, PREEMPTION_FIGURE
 
 class Statistics(unittest.TestCase):
     def test_intervals_are_quantiles_of_the_bootstrap_distribution(self):
-        error = 4 * math.sqrt(0.025 * 0.975 / results.kResamples)  # of a share, from drawing resamples
+        error = 4 * math.sqrt(0.025 * 0.975 / intervals.kResamples)  # of a share, from drawing resamples
         for n in (3, 4, 5, 6):
             samples = np.random.default_rng(n).lognormal(0, 0.5, n)
             all_resamples = list(itertools.product(range(n), repeat=n))
             every = np.median(samples[all_resamples], axis=1)
-            _, low, high = results.median_intervals(samples[None, :])
+            _, low, high = intervals.median_intervals(samples[None, :])
             # As src/harness/statistics.h has it.
             out = stats.norm.cdf(-math.sqrt(n / (n - 1)) * stats.t.ppf(0.975, n - 1))
             for end, share in ((low[0], out), (high[0], 1 - out)):
@@ -46,20 +47,20 @@ class Statistics(unittest.TestCase):
     def test_intervals_hold_the_median_as_often_as_they_say_from_six_repetitions_on(self):
         random = np.random.default_rng(5)
         for n in (5, 6, 7, 9, 10, 11, 15, 25):
-            _, low, high = results.median_intervals(random.exponential(size=(4000, n)) - math.log(2))
+            _, low, high = intervals.median_intervals(random.exponential(size=(4000, n)) - math.log(2))
             covered = np.mean((low <= 0) & (0 <= high))
             self.assertGreater(covered, 0.92, n)
             self.assertLess(covered, 0.99, n)
-            if n < results.kFewRepetitions:
+            if n < intervals.kFewRepetitions:
                 self.assertLess(covered, 0.95, n)
 
     def test_fewer_than_three_repetitions_have_no_interval(self):
         for n in (1, 2):
-            median, low, high = results.median_intervals(np.ones((4, n)))
+            median, low, high = intervals.median_intervals(np.ones((4, n)))
             self.assertTrue(np.all(median == 1) and np.all(np.isnan(low)) and np.all(np.isnan(high)))
 
     def test_ten_thousand_repetitions_of_one_cell(self):
-        median, low, high = results.median_intervals(np.arange(10_000.0)[None, :])
+        median, low, high = intervals.median_intervals(np.arange(10_000.0)[None, :])
         self.assertEqual(median[0], 4999.5)
         # The median's standard error for a uniform sample is half the range over the root of n.
         self.assertTrue(4999.5 - 150 < low[0] < 4999.5 < high[0] < 4999.5 + 150)
@@ -282,7 +283,7 @@ class Machines(InFolder):
         setups = results.load([self.results("a.json", threads=(1, 2)),
                                write_results(self.folder / "b.json", second)])
         self.assertEqual(len(setups), 1)
-        table = results.summarise(setups[0].rows, ["cache", "workload", "threads"], "items_per_second")
+        table = intervals.summarise(setups[0].rows, ["cache", "workload", "threads"], "items_per_second")
         self.assertEqual(set(table["n"]), {10})
         self.assertTrue(any("differ in os" in remark for remark in setups[0].remarks))
 
