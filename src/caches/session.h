@@ -251,9 +251,10 @@ class TicketOffice {
       // Relaxed: the count alone matters, nothing is published by it. The load bounds the overshoot of the
       // counter to one batch a session.
       if (drawn_.load(std::memory_order_relaxed) >= capacity_) return false;
-      const std::uint64_t first = drawn_.fetch_add(kTicketBatch, std::memory_order_relaxed);
+      const std::uint32_t batch = Sync::may_take_pieces() ? kTicketBatch : 1;
+      const std::uint64_t first = drawn_.fetch_add(batch, std::memory_order_relaxed);
       if (first >= capacity_) return false;
-      purse.tickets = static_cast<std::uint32_t>(std::min<std::uint64_t>(kTicketBatch, capacity_ - first));
+      purse.tickets = static_cast<std::uint32_t>(std::min<std::uint64_t>(batch, capacity_ - first));
     }
     --purse.tickets;
     return true;

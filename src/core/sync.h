@@ -36,7 +36,8 @@ struct NoHooks {
 
   /// Whether a pool may hand out memory that it has; a test may say no.
   static constexpr bool may_allocate() noexcept { return true; }
-  /// Whether it has whole pieces for sessions; without, each allocation has to go to it by itself.
+  /// Whether it has whole pieces for sessions; without, each allocation has to go to it by itself, and each insert for
+  /// its ticket.
   static constexpr bool may_take_pieces() noexcept { return true; }
 
   /// A loop that may wait for another thread begins. What it does before its first wait_turn is its first turn.

@@ -147,6 +147,35 @@ class MarkedList : public ControlList {
   Word count_{0};
 };
 
+/// Tickets are drawn by a CAS that is tried until it succeeds. Others change its word seldom, so that it stays within a
+/// bound with some slack, unless they have to draw one by one.
+class RetryTicket : public MarkedList {
+ public:
+  static constexpr CacheTraits kTraits = control_traits("retry_ticket", ProgressGuarantee::wait_free);
+  static constexpr std::string_view kInsertBound = "200";
+  static constexpr std::uint32_t insert_steps(const Record&) noexcept { return 200; }
+  using MarkedList::MarkedList;
+  struct Workspace : MarkedList::Workspace {
+    std::uint32_t tickets = 0;
+  };
+
+  template <class Counters>
+  bool insert(Workspace& w, const Record& r, Counters& counters) noexcept {
+    if (w.tickets == 0) {
+      w.tickets = StepSync::may_take_pieces() ? kTicketBatch : 1;
+      std::uint32_t drawn = drawn_.load(std::memory_order_relaxed);
+      while (!drawn_.compare_exchange_strong(drawn, drawn + w.tickets, std::memory_order_relaxed,
+                                             std::memory_order_relaxed)) {
+      }
+    }
+    --w.tickets;
+    return MarkedList::insert(w, r, counters);
+  }
+
+ private:
+  Word drawn_{0};
+};
+
 /// A query walks until it has caught up with the tail.
 class GrowingTail : public MarkedList {
  public:
@@ -269,6 +298,8 @@ std::span<const ProgressControl> all_progress_controls() {
        "insert", false, progress_subject<Direct<RetryList<lock_free>>>()},
       {"retry_declared_wait_free", "a CAS is tried until it succeeds", "insert", true,
        progress_subject<Direct<RetryList<wait_free>>>()},
+      {"retry_ticket", "tickets are drawn by a CAS that is tried until it succeeds", "insert", true,
+       progress_subject<Direct<RetryTicket>>()},
       {"growing_tail", "a query walks to a tail that still grows", "query", true,
        progress_subject<Direct<GrowingTail>>()},
       {"growing_claim", "the same, and the query claims all of it as its extent", "query", true,
