@@ -389,6 +389,50 @@ TEST_P(Contract, AnUpdateThatThrowsGivesBackTheRoomOfWhatItDropped) {
         << i << " after " << left;
 }
 
+// Guards against: room that shrinks with every update that throws, until records are refused or a merge fails.
+TEST_P(Contract, UpdatesThatThrowNeverUseUpTheRoom) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 400;
+  AnyCache cache(GetParam(), config(kCapacity));
+  auto session = cache.open_session(0);
+  std::uint32_t id = 0;
+  for (int frame = 0; frame < 30; ++frame) {
+    const auto left = static_cast<std::uint32_t>(stored(cache).size());
+    Pcg32 random(hash_keys(74, static_cast<std::uint64_t>(frame)));
+    for (std::uint32_t i = left; i < kCapacity; ++i) {
+      const SurfacePoint x = random_surface_point(random);
+      ASSERT_EQ(session.insert(make_record(id++, x.p, x.n, std::exp2(-12.0f * random.uniform()))),
+                InsertResult::inserted)
+          << "frame " << frame << ", " << i << " after " << left;
+    }
+    cache.end_frame();
+    std::atomic<std::uint32_t> seen_by_f{0};
+    EXPECT_THROW(cache.update_records([&](Record&) {
+      if (++seen_by_f == kCapacity) throw std::runtime_error("the last");
+      return UpdateResult::drop;
+    }),
+                 std::runtime_error);
+  }
+}
+
+TEST_P(Contract, AnUpdateThatThrowsLeavesNothingUnfitToBeStored) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  const SurfacePoint x{{0.5f, 0.5f, 0.5f}, {0, 0, 1}};
+  for (std::uint32_t i = 0; i < 10; ++i) session.insert(make_record(i, x.p, x.n, 0.2f));
+  std::atomic<int> calls{0};
+  EXPECT_THROW(cache.update_records([&](Record& r) {
+    r.E.x = std::numeric_limits<float>::quiet_NaN();
+    if (++calls == 10) throw std::runtime_error("the last");
+    return UpdateResult::keep;
+  }),
+               std::runtime_error);
+  EXPECT_EQ(stored(cache).size(), 1u) << "that at which it threw, as it was";
+  cache.for_each_record([&](const Record& r) { EXPECT_TRUE(is_storable(r, cache.config().bounds)) << r.id; });
+  EXPECT_EQ(seen(session, x), stored(cache));
+}
+
 TEST_P(Contract, WhatAnUpdateLeavesUnfitToBeStoredGoes) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   AnyCache cache(GetParam(), config());

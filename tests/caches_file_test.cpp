@@ -88,6 +88,16 @@ class SmallFile : public ::testing::Test {
     });
   }
 
+  /// The file with other records of the same number, of which nobody knows whether they can be stored.
+  Bytes with_records(const std::vector<Record>& records) const {
+    Bytes out = bytes_;
+    for (std::size_t i = 0; i < records.size(); ++i)
+      cache_file::write_record(&out[cache_file::kHeaderBytes + i * cache_file::kRecordBytes], records[i]);
+    const std::uint64_t crc =
+        cache_file::crc_of(&out[cache_file::kHeaderBytes], out.size() - cache_file::kHeaderBytes);
+    return with_number(std::move(out), cache_file::kBodyCrcAt, crc, 8);
+  }
+
   TemporaryFolder folder_;
   std::filesystem::path path_ = folder_ / "small";
   CacheConfig config_{.capacity = 100, .max_sessions = 2};
@@ -162,13 +172,24 @@ TEST_F(SmallFile, IsRefusedIfARecordCannotBeStored) {
   for (const float R : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN()}) {
     std::vector<Record> records = random_records(kRecords, 3);
     records[3].R = R;
-    ASSERT_EQ(save(records), std::nullopt);
+    put(path_, with_records(records));
     EXPECT_TRUE(is_one_line_with(refusal(path_), "at byte 292: record 3"));
   }
   std::vector<Record> records = random_records(kRecords, 3);
   records[0].p.x = 1.5f;
-  ASSERT_EQ(save(records), std::nullopt);
+  put(path_, with_records(records));
   EXPECT_TRUE(is_one_line_with(refusal(path_), "at byte 160: record 0"));
+}
+
+TEST_F(SmallFile, WhatCouldNotBeReadIsNotWritten) {
+  std::vector<Record> records = random_records(kRecords, 3);
+  records[3].R = 0.0f;
+  EXPECT_TRUE(is_one_line_with(save(records).value_or(""), "record 3"));
+  EXPECT_TRUE(is_one_line_with(save(random_records(101, 3)).value_or(""), "101 records"));
+  config_.a = 2.0f * config_.a_max;
+  EXPECT_TRUE(is_one_line_with(save(random_records(kRecords, 3)).value_or(""), "accuracy"));
+  EXPECT_EQ(bytes_of(path_), bytes_);
+  EXPECT_EQ(folder_.entries(), 1);
 }
 
 TEST_F(SmallFile, ForeignFilesAreRefused) {
@@ -200,6 +221,7 @@ TEST_F(SmallFile, WritingThatFailsLeavesTheOldFileAndNothingElse) {
   little.rlim_cur = 30'000;
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &little), 0);
+  config_.capacity = 5000;
   const Failure failed = save(random_records(5000, 4));
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
   std::signal(SIGXFSZ, handler);

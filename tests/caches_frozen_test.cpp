@@ -70,6 +70,61 @@ TEST(Frozen, HoldsRecordsOfAnySizeAndManyOnASpot) {
 
 TEST(Frozen, AnEmptyCacheAnswersNothing) { EXPECT_EQ(compare({}, config_for(0.3f, 0.4f), 20), 0u); }
 
+// Guards against: a copy of each in every cell of the grid.
+TEST(Frozen, RecordsThatReachFarTakeLittleMemory) {
+  for (const float R : {0.2f, 10.0f}) {
+    std::vector<Record> records = random_records(4000, 3);
+    for (Record& r : records) r.R = R;
+    const PackedFrozen frozen(config_for(0.3f, 0.5f), records);
+    EXPECT_LT(frozen.memory_bytes(), 4000u * 1000u) << R;
+    EXPECT_GT(compare(records, config_for(0.3f, 0.5f), 20), 20u * 5) << R;
+  }
+}
+
+// Guards against: one leaf for all, where the first cells that are split gain nothing.
+TEST(Frozen, RecordsOnASpotAmidWideBoundsAreToldApart) {
+  std::vector<Record> records = random_records(3000, 4);
+  for (Record& r : records) {
+    r.p = 0.5f + 0.01f * (r.p - 0.5f);
+    r.R *= 0.01f;
+  }
+  const PackedFrozen frozen(config_for(0.3f, 0.4f), records);
+  std::size_t shown = 0;
+  for (const Record& r : records) {
+    Shown expected;
+    for (const Record& other : records) {
+      const float weight = split_sphere_weight({r.p, r.n}, other, 0.3f);
+      if (weight > 0.0f) expected.emplace_back(other.id, weight);
+    }
+    std::sort(expected.begin(), expected.end());
+    ASSERT_EQ(shown_by(frozen, {r.p, r.n}), expected);
+    shown += expected.size();
+  }
+  EXPECT_GE(shown, 3000u);
+}
+
+TEST(Frozen, RefusesAConfigurationThatCachesRefuse) {
+  EXPECT_THROW(PackedFrozen(config_for(0.5f, 0.1f), {}), std::runtime_error);
+}
+
+// Sums of an Interpolator may be added to behind its back, those of others may not.
+TEST(Frozen, VisitorsAreCalledWhateverMembersTheyHave) {
+  static_assert(std::is_final_v<Interpolator>);
+  struct WithSums {
+    WeightedSums& sums() noexcept { return sum; }
+    void operator()(const Record&, float) noexcept { ++calls; }
+    WeightedSums sum{};
+    int calls = 0;
+  };
+  const std::vector<Record> records = random_records(300, 2);
+  const PackedFrozen frozen(config_for(0.3f, 0.4f), records);
+  const SurfacePoint x{records[0].p, records[0].n};
+  WithSums visitor;
+  frozen.visit(x, visitor);
+  EXPECT_EQ(visitor.calls, static_cast<int>(shown_by(frozen, x).size()));
+  EXPECT_GT(visitor.calls, 0);
+}
+
 TEST(Frozen, AsksForAskablePointsOnly) {
   const std::vector<Record> records = {make_record(0, glm::vec3(0.5f, 0.5f, 0.0f), {0, 0, 1}, 10.0f)};
   const PackedFrozen frozen(config_for(0.3f, 0.4f), records);

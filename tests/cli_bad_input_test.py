@@ -382,6 +382,16 @@ class BadInput(Case):
                     preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
                 self.assert_refused(done)
 
+    def test_a_cache_that_does_not_fit_is_named_before_anything_is_measured(self):
+        (self.folder / "a.json").write_text("precious")
+        limit = 3 << 30
+        done = self.run_icbench(
+            *small_sweep(workloads="read_only:records=50:operations=10,read_only:records=1000000:operations=10",
+                         caches="brute_force,packed_wait_free", out="a.json"),
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
+        self.assert_refused(done, "read_only:records=1000000", "packed_wait_free", "capacity")
+        self.assertEqual((self.folder / "a.json").read_text(), "precious")
+
 
 if __name__ == "__main__":
     unittest.main()

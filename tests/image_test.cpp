@@ -22,6 +22,7 @@
 #include "image/codec.h"
 #include "image/metrics/rmse.h"
 #include "largest_request.h"
+#include "png_chunks.h"
 #include "temporary_folder.h"
 
 namespace icbench {
@@ -178,18 +179,6 @@ TEST(Png, EveryLevelSurvivesARoundTrip) {
   }
   write_image(folder / "image.PNG", image);
   EXPECT_TRUE(is_same(read_image(folder / "image.PNG"), image));
-}
-
-std::string big_endian(std::size_t value) {
-  std::string bytes;
-  for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(value >> shift);
-  return bytes;
-}
-
-std::string png_chunk(std::string_view type, const std::string& data) {
-  const std::string body = std::string(type) + data;
-  return big_endian(data.size()) + body +
-         big_endian(crc32(0, reinterpret_cast<const Bytef*>(body.data()), static_cast<uInt>(body.size())));
 }
 
 /// A PNG of one row; `row` holds its bytes as the format stores them, `before` chunks that stand before it.

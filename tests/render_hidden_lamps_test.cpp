@@ -40,6 +40,17 @@ TEST(HiddenLamps, ALampBehindTheCeilingDoesNotShineAndIsNotMeant) {
   EXPECT_FALSE(hidden_lamps(room_with_panel(-0.001f)));
 }
 
+TEST(HiddenLamps, ALampWithBothItsFacesInOnePlaneIsToldByItself) {
+  for (const float apart : {0.0f, 0.001f}) {
+    Scene s;
+    const auto lamp = s.add_material({.emission = glm::vec3(9.0f)});
+    s.meshes.push_back(quad("front", {-1, apart, -1}, {0, 0, 2}, {2, 0, 0}, lamp));
+    s.meshes.push_back(quad("back", {-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, lamp));
+    const RayTracer rays(std::move(s));
+    EXPECT_EQ(hidden_lamps(rays).has_value(), apart == 0.0f);
+  }
+}
+
 TEST(HiddenLamps, PointLightsMayLieInSurfaces) {
   Scene s;
   const auto grey = s.add_material({.albedo = glm::vec3(0.5f)});

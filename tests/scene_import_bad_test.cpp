@@ -86,7 +86,6 @@ TEST(ImportBadGltf, TheElementIsNamed) {
        "nodes[4].translation must hold 3"},
       {[](json& d) {
          d["nodes"][4]["translation"] = {1e300, 0, 0};
-         d["nodes"][4]["scale"] = {0, 1e300, 1e300};
        },
        "large; scale it"},
       {[](json& d) {

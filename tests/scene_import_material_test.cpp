@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "import_support.h"
+#include "png_chunks.h"
 #include "render/ray_tracer.h"
 #include "scene_files.h"
 
@@ -55,7 +56,9 @@ TEST(ImportGltf, MaterialsAreMappedAsDocumented) {
   blended["alphaMode"] = "BLEND";
   EXPECT_EQ(read(blended).surface, Surface::diffuse);
   blended["pbrMetallicRoughness"]["baseColorFactor"][3] = 0.3;
+  // Of what is behind it, as much shows as alpha leaves, and of that what its colour leaves.
   EXPECT_EQ(read(blended).surface, Surface::dielectric);
+  expect_near(read(blended).albedo, glm::sqrt(glm::vec3(0.76f, 0.82f, 0.88f)), 1e-6f);
   json lamp = pbr(1.0, 0.0);  // what emits is diffuse
   lamp["emissiveFactor"] = {1, 0.5, 0};
   lamp["extensions"] = {{"KHR_materials_emissive_strength", {{"emissiveStrength", 8}}}};
@@ -174,6 +177,58 @@ TEST(ImportGltf, ThinGlassGetsABackThickGlassDoesNot) {
   EXPECT_EQ(scene.meshes[2].triangles.size(), 2u) << "a lamp shines from its front alone";
 }
 
+// Triangles of thin glass in a scene, backs included.
+std::size_t glass_triangles(const ImportedScene& imported) {
+  std::size_t sum = 0;
+  for (const Mesh& mesh : imported.scene.meshes) {
+    if (imported.scene.materials[mesh.material].is_specular()) sum += mesh.triangles.size();
+  }
+  return sum;
+}
+
+TEST(ImportGltf, ThinGlassWithBothItsFacesIsOneSheet) {
+  const auto expect_one_sheet = [](const GltfFile& f) {
+    const ImportedScene imported = import_gltf(f);
+    EXPECT_EQ(glass_triangles(imported), 4u);
+    EXPECT_TRUE(has_note(imported, "both its faces"));
+  };
+  const auto faces = [](Pane& pane, std::size_t vertices, const std::vector<std::uint16_t>& triangles) {
+    GltfFile& f = pane.f;
+    std::vector<float> corners;
+    for (std::size_t v = 0; v < vertices; ++v) {
+      const bool right = v % 4 == 1 || v % 4 == 2, up = v % 4 >= 2;
+      corners.insert(corners.end(), {right ? 0.5f : -0.5f, up ? 0.5f : -0.5f, 0.0f});
+    }
+    const auto positions = f.vec3s(corners);
+    pane.mesh = f.mesh(positions, f.indices(triangles), f.doc["materials"].size() - 1);
+  };
+  Pane shared;
+  faces(shared, 4, {0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2});
+  shared.node();
+  expect_one_sheet(shared.f);
+  for (const bool is_shown_often : {false, true}) {
+    Pane apart;  // and cut along the other diagonal
+    faces(apart, 8, {0, 1, 2, 0, 2, 3, 5, 4, 7, 5, 7, 6});
+    apart.node();
+    if (is_shown_often) {
+      apart.node({{"translation", {0, 0, 1}}});
+      EXPECT_EQ(glass_triangles(import_gltf(apart.f)), 8u);
+    } else {
+      expect_one_sheet(apart.f);
+    }
+  }
+  Pane turned;  // another node's
+  turned.node();
+  turned.node({{"rotation", {0, 1, 0, 0}}});
+  const ImportedScene twice = import_gltf(turned.f);
+  EXPECT_EQ(glass_triangles(twice), 8u) << "a mesh that is shown twice may not lose a face of one";
+  faces(turned, 4, {0, 1, 2, 0, 2, 3});
+  turned.f.doc["nodes"].back()["mesh"] = turned.mesh;
+  expect_one_sheet(turned.f);
+  turned.f.doc["nodes"].back()["translation"] = {0, 0, 0.1};
+  EXPECT_EQ(glass_triangles(import_gltf(turned.f)), 8u) << "two panes";
+}
+
 // The albedo that a ray from z = 1 finds at (x, y) of a unit square with the four-coloured image.
 glm::vec3 painted(const std::string& image_uri, const std::function<void(GltfFile&)>& change, float x,
                   float y) {
@@ -221,6 +276,37 @@ TEST(ImportGltf, TextureCoordinatesMayBeNormalisedOrTransformed) {
   expect_near(painted(uri, shifted, -0.25f, 0.25f), {0, 1, 0}, 1e-5f);
 }
 
+TEST(ImportGltf, TexturesAreSrgbWhateverTheirImagesSay) {
+  std::string png = quarters_png();
+  stbi_write_png_to_func(
+      [](void* to, void* data, int size) {
+        *static_cast<std::string*>(to) =
+            std::string(static_cast<const char*>(data), static_cast<std::size_t>(size));
+      },
+      &png, 1, 1, 3, std::array<unsigned char, 3>{128, 64, 32}.data(), 3);
+  const auto read = [&](const std::string& bytes) {
+    return painted(
+        "data:image/png;base64," + base64(bytes), [](GltfFile&) {}, 0.25f, 0.25f);
+  };
+  const glm::vec3 plain = read(png);
+  EXPECT_NEAR(plain.r, 0.2159f, 1e-4f);
+  EXPECT_EQ(read(png.insert(kBehindPngHeader, png_chunk("gAMA", big_endian(100'000)))), plain);
+}
+
+TEST(ImportGltf, WhatIsSpecularHasNoTexture) {
+  for (const bool is_glass : {false, true}) {
+    GltfFile f;
+    f.doc["images"] = {{{"bufferView", f.view(quarters_png())}}};
+    f.doc["textures"] = {{{"source", 0}}};
+    json material = is_glass ? thin_glass() : json{{"pbrMetallicRoughness", {{"roughnessFactor", 0}}}};
+    material["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+    f.node({{"mesh", f.square(f.material(material))}});
+    const ImportedScene imported = import_gltf(f);
+    EXPECT_TRUE(has_note(imported, "mirrors and glass"));
+    expect_near(imported.scene.materials[0].albedo, glm::vec3(is_glass ? std::sqrt(0.5f) : 0.5f), 1e-5f);
+  }
+}
+
 TEST(ImportGltf, EmissiveTexturesCountByTheirMean) {
   GltfFile f;
   f.doc["images"] = {{{"bufferView", f.view(quarters_png())}}};
@@ -250,6 +336,16 @@ TEST(ImportGltf, ExtensionsAndTexturesThatAreNotReadAreNamed) {
   EXPECT_TRUE(has_note(imported, "specular part"));
   f.doc["materials"][1]["extensions"]["KHR_materials_pbrSpecularGlossiness"]["specularFactor"] = {0, 0, 0};
   EXPECT_FALSE(has_note(import_gltf(f), "specular part")) << "there is none";
+  f.doc["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = 0;
+  for (const char* const note : {"nearest", "roughness of glass", "transmission below"})
+    EXPECT_FALSE(has_note(import_gltf(f), note)) << note;
+  f.doc["textures"][0]["sampler"] = 0;
+  f.doc["samplers"] = {{{"magFilter", 9728}}};
+  f.doc["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = 0.5;
+  EXPECT_TRUE(has_note(import_gltf(f), "nearest filtering"));
+  EXPECT_TRUE(has_note(import_gltf(f), "roughness of glass"));
+  f.doc["materials"][0]["extensions"]["KHR_materials_transmission"]["transmissionFactor"] = 0.4;
+  EXPECT_TRUE(has_note(import_gltf(f), "transmission below 0.5"));
 }
 
 }  // namespace

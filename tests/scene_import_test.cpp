@@ -319,6 +319,53 @@ TEST(ImportGltf, ASceneFarFromItsOriginKeepsItsShape) {
   EXPECT_NO_THROW(prepare(imported.scene));
 }
 
+TEST(ImportGltf, WhatIsNotSeenDoesNotKeepAFarSceneWhereItIs) {
+  GltfFile far = grey_cube();
+  far.doc["nodes"][0]["translation"] = {1e5, 0, 0};
+  const glm::vec3 first = import_gltf(far).scene.meshes[0].positions[0];
+  GltfFile hidden = far;
+  hidden.node({{"mesh", 0}, {"scale", {0, 0, 0}}});
+  GltfFile unused = far;
+  const auto grey = unused.material(json::object());
+  unused.node({{"mesh", unused.mesh(unused.vec3s({0, 0, 0, 1e5f, 0, 0, 1e5f, 0.5f, 0, 1e5f, 0.5f, 0.5f}),
+                                    unused.indices({1, 2, 3}), grey)}});
+  GltfFile flat = far;
+  flat.node({{"mesh", flat.mesh(flat.vec3s({0, 0, 0, 1e5f, 0, 0, 5e4f, 0, 0}), flat.indices({0, 1, 2}), 0)}});
+  for (const GltfFile& f : {hidden, unused, flat}) {
+    const ImportedScene imported = import_gltf(f);
+    EXPECT_TRUE(has_note(imported, "far from its origin"));
+    EXPECT_EQ(imported.scene.meshes[0].positions[0], first);
+  }
+  GltfFile nothing;
+  nothing.node({{"mesh", nothing.cube(nothing.material(json::object()))}, {"scale", {0, 0, 0}}});
+  EXPECT_NE(error_of([&] { import_gltf(nothing); }).find("no triangle with a surface"), std::string::npos);
+}
+
+TEST(ImportGltf, MovingMeshesMayBeOfAnyUnits) {
+  std::vector<Mesh> meshes;
+  for (const float unit : {1.0f, 0x1p-40f, 0x1p40f}) {
+    GltfFile f;
+    const auto mesh = f.cube(f.material(json::object()));
+    std::vector<float> corners;
+    for (int c = 0; c < 8; ++c)
+      for (int axis = 0; axis < 3; ++axis) corners.push_back((c >> axis & 1 ? 0.5f : -0.5f) * unit);
+    f.doc["meshes"][mesh]["primitives"][0]["attributes"]["POSITION"] = f.vec3s(corners);
+    const auto node = f.node({{"mesh", mesh}, {"scale", {-1 / unit, 1 / unit, 1 / unit}}});
+    f.animate(node, "translation", f.scalars({0, 1}), f.vec3s({0, 0, 0, 1, 0, 0}));
+    ImportedScene imported = import_gltf(f);
+    prepare(imported.scene);
+    meshes.push_back(imported.scene.meshes.at(0));
+    const Mesh& m = meshes.back();
+    EXPECT_NEAR(volume(m, m.pose(3.0f)), 1.0, 1e-6) << unit;
+    for (const glm::vec3& p : m.positions) {
+      EXPECT_GE(glm::length(p), 0.5f) << unit;
+      EXPECT_LE(glm::length(p), 2.0f) << unit;
+    }
+    for (std::size_t v = 0; v < m.positions.size(); ++v)
+      expect_near(m.pose(3.0f)(m.positions[v]), meshes[0].pose(3.0f)(meshes[0].positions[v]), 1e-6f);
+  }
+}
+
 TEST(ImportGltf, StripsFansListsAndSparseAccessorsAreRead) {
   const auto area_of = [](const std::function<void(GltfFile&, json & primitive)>& change) {
     GltfFile f;

@@ -183,6 +183,32 @@ TEST_F(RayTraced, IrradianceIsRadianceOverWhatASurfaceReflects) {
   EXPECT_GT(reference.rmse_irradiance, std::numbers::pi * reference.rmse);
 }
 
+// What is seen in a mirror or through glass is left out, be its weight 1.
+TEST_F(RayTraced, IrradianceIsToldOfWhatIsSeenDirectly) {
+  Scene s = make_scene("cornell_specular");
+  for (Material& m : s.materials)
+    if (m.is_specular()) m.albedo = glm::vec3(1.0f);
+  const RayTracer rays(std::move(s));
+  const PrimaryHits seen = centre_hits(rays, 40, 24);
+  const Reference made = make_reference(rays, seen, 4, 1);
+  const Image E = irradiance_of(rays, seen, made.indirect);
+  const CameraView view(rays.scene().camera, 40, 24);
+  Tracer tracer(rays);
+  std::size_t specular = 0, lit = 0;
+  for (std::uint32_t i = 0; i < E.pixels.size(); ++i) {
+    const Hit first =
+        primary_hit(tracer, view, Lens::centre, {}, static_cast<int>(i % 40), static_cast<int>(i / 40), i);
+    if (first.missed() || !rays.material(first).is_specular()) {
+      lit += E.pixels[i] != glm::vec3(0.0f);
+      continue;
+    }
+    ++specular;
+    EXPECT_EQ(E.pixels[i], glm::vec3(0.0f)) << i;
+  }
+  EXPECT_GT(specular, 20u);
+  EXPECT_GT(lit, 400u);
+}
+
 TEST_F(RayTraced, ReferenceErrorFallsWithItsSamples) {
   const Reference better = make_reference(scene("cornell_box"), primary, 64, 1);
   EXPECT_EQ(better.spp, 64u);

@@ -1,5 +1,6 @@
 // The simulator: deterministic, on one core the same as the real thing, and where a closed form is known, as that says.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cmath>
 #include <fstream>
@@ -386,9 +387,15 @@ TEST(SimulatorValidation, RowsCarryItsOutcomeWhateverWasKnownBefore) {
   for (const unsigned before : {0u, 2u, 64u}) {
     for (Entry& e : compared.entries) e.counters["validated_to_threads"] = before;
     Validation outcome{.threads = 8, .points = 60, .throughput_error = 0.05, .waiting_error = 0.09};
+    for (Entry& e : compared.entries) e.counters["validated_error"] = 0.0123;
+    compared.point.cores = 2;
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 8u) << before;
+    EXPECT_EQ(row_of(compared, outcome).counters["validated_error"], compared.throughput_error());
+    compared.point.cores = 1;
+    EXPECT_FALSE(row_of(compared, outcome).counters.contains("validated_error"));
     outcome.file_error = 0.5;
     EXPECT_EQ(row_of(compared, outcome).counters["validated_to_threads"], 0u) << before;
+    EXPECT_FALSE(row_of(compared, outcome).counters.contains("validated_error"));
   }
 }
 
@@ -439,6 +446,9 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   EXPECT_EQ(read_calibration(path)->to_json(), c.to_json());
   EXPECT_TRUE(read_calibration(path)->validation->holds());
   EXPECT_THROW(read_calibration((folder / "deep").string()), std::runtime_error);
+  const std::string pipe = (folder / "pipe").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THROW(read_calibration(pipe), std::runtime_error) << "nobody writes to it";
   for (const auto& [key, value] : std::initializer_list<std::pair<const char*, nlohmann::ordered_json>>{
            {"format", "something else"},
            {"version", 1},

@@ -142,9 +142,9 @@ class AppendLog {
       sessions_.for_each([](State& s) { s.purse = {}; });
       tickets_.restart(count_of(structure_));
     }};
-    structure_.update(keeping_storable(f, config_.bounds));
-    keep_room(
-        structure_, config_.capacity, [this]() -> auto& { return workspace_ = {}; });
+    const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
+    update_and_then(structure_, keeping_storable(f, config_.bounds),
+                    [&] { keep_room(structure_, config_.capacity, fresh_workspace); });
   }
 
   /// Lays the records out in the order of space (caches/tidy.h), those of the log among them.

@@ -42,17 +42,23 @@ struct CacheContent {
   std::string text;       ///< the same for people; its first kMostContentText bytes are kept
 };
 
-/// Writes the records that `for_each(f)` calls f(const Record&) for, in that order. `config` says where they fit.
+/// Writes the records that `for_each(f)` calls f(const Record&) for, in that order. `config` says where they fit: fails,
+/// and leaves what is there under that name, if some would not, so that the file could not be opened.
 template <class ForEach>
 [[nodiscard]] Failure save_records(const std::string& path, const CacheConfig& config,
                                    const CacheContent& content, ForEach&& for_each) {
   using namespace cache_file;
+  const auto refused = [&path](const std::string& why) {
+    return "cannot write the cache to '" + path + "': " + why;
+  };
+  if (const char* error = config_error(config)) return refused(error);
   Replacement file(path);
   if (Failure failed = file.open()) return failed;
 
   std::array<unsigned char, kAtOnce * kRecordBytes> bytes;
   std::size_t filled = 0;
   std::uint64_t written = 0, records = 0;
+  std::optional<std::uint64_t> unusable;
   Crc64 crc;
   const auto flush = [&] {
     crc.add(bytes.data(), filled);
@@ -61,12 +67,19 @@ template <class ForEach>
     filled = 0;
   };
   for_each([&](const Record& r) {
+    if (!unusable && !is_storable(r, config.bounds)) unusable = records;
     write_record(bytes.data() + filled, r);
     filled += kRecordBytes;
     ++records;
     if (filled == bytes.size()) flush();
   });
   flush();
+  if (unusable)
+    return refused("record " + std::to_string(*unusable) + " is none that a cache of these bounds can hold");
+  if (records > config.capacity) {
+    return refused(std::to_string(records) + " records are more than the capacity of " +
+                   std::to_string(config.capacity));
+  }
 
   std::array<unsigned char, kHeaderBytes> header{};
   std::copy(kMagic.begin(), kMagic.end(), header.begin());

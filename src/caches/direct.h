@@ -48,12 +48,12 @@ class Direct {
       sessions_.for_each([](State& s) { s.purse = {}; });
       tickets_.restart(count_of(structure_));
     }};
-    structure_.update(keeping_storable(f, config_.bounds));
     const auto fresh_workspace = [this]() -> auto& {
       sessions_.for_each([](State& s) { s.workspace = {}; });
       return sessions_[0].workspace;
     };
-    keep_room(structure_, config_.capacity, fresh_workspace);
+    update_and_then(structure_, keeping_storable(f, config_.bounds),
+                    [&] { keep_room(structure_, config_.capacity, fresh_workspace); });
   }
 
   /// Lays the records out in the order of space (caches/tidy.h).

@@ -67,15 +67,19 @@ class LinearList {
   template <class F>
   void update(F&& f) {
     const UnitIndex end = pool_.end();
-    std::vector<UpdateResult> verdicts(end);
-    parallel_chunks(end - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first + 1; i <= last; ++i) verdicts[i] = f(record(static_cast<UnitIndex>(i)));
+    std::vector<UpdateResult> verdicts(end, UpdateResult::keep);
+    FirstException exception;
+    exception.guard([&] {
+      parallel_chunks(end - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first + 1; i <= last; ++i) verdicts[i] = f(record(static_cast<UnitIndex>(i)));
+      });
     });
     UnitIndex kept = 1;
     for (UnitIndex i = 1; i < end; ++i) {
       if (verdicts[i] == UpdateResult::keep) record(kept++) = record(i);
     }
     pool_.shrink(kept);
+    exception.rethrow();
   }
 
   template <class F>

@@ -47,6 +47,9 @@ class LocalWrite {
       : config_(checked(config)), sessions_(config, false), tickets_(config.capacity), shared_(config) {
     local_config_ = config;
     local_config_.max_sessions = 1;
+    // A session's own records are a share of all, as a rule.
+    if (config.large_pages == LargePages::when_large)
+      local_config_.large_pages = large_pages_of(config.large_pages, config.capacity / config.max_sessions);
   }
 
   Session open_session(std::uint32_t thread) {
@@ -91,17 +94,15 @@ class LocalWrite {
       tickets_.restart(live);
     }};
     const auto checked = keeping_storable(f, config_.bounds);
-    shared_.update(checked);
     const auto fresh_workspace = [this]() -> auto& {
       sessions_.for_each([](State& s) { s.merge_workspace = {}; });
       return sessions_[0].merge_workspace;
     };
-    keep_room(shared_, config_.capacity, fresh_workspace);
+    update_and_then(shared_, checked, [&] { keep_room(shared_, config_.capacity, fresh_workspace); });
     sessions_.for_each([&](State& s) {
       if (s.local == nullptr) return;
-      s.local->update(checked);
-      keep_room(
-          *s.local, local_config_.capacity, [&s]() -> auto& { return s.local_workspace = {}; });
+      const auto fresh_local = [&s]() -> auto& { return s.local_workspace = {}; };
+      update_and_then(*s.local, checked, [&] { keep_room(*s.local, local_config_.capacity, fresh_local); });
     });
   }
 

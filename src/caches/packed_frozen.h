@@ -19,6 +19,7 @@
 #include "caches/packed_filter.h"
 #include "caches/packed_lanes.h"
 #include "caches/packed_reach.h"
+#include "caches/session.h"
 #include "caches/tidy.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
@@ -30,7 +31,7 @@ class PackedFrozen {
  public:
   /// `records`: what is_storable within config.bounds.
   PackedFrozen(const CacheConfig& config, std::span<const Record> records)
-      : config_(config), addressing_(config.bounds) {
+      : config_(checked(config)), addressing_(config.bounds) {
     records_.reserve(records.size());
     for (const std::uint32_t i : order_in_space(records, addressing_)) records_.push_back(records[i]);
     std::vector<PackedReach> reaches;
@@ -55,17 +56,14 @@ class PackedFrozen {
     if (!is_askable(x, config_.bounds)) return;
     const glm::vec3 p = addressing_.to_grid(x.p);
     const GridPoint u = OctreeAddressing::quantise_grid(p);
-    int level = grid_level_;
     std::uint32_t word = grid_[grid_index(u)];
-    while ((word & kIsNode) != 0) {
+    for (int level = grid_level_; (word & kIsNode) != 0; ++level)
       word = nodes_[word & ~kIsNode].child[OctreeAddressing::octant(u, level)];
-      ++level;
-    }
     const std::uint32_t* run = words_.data() + std::size_t{word} * kRunUnit;
-    const std::uint32_t n = run[0];
+    const std::uint32_t n = run[0] & kMostLanes;
     __builtin_prefetch(run + kStripLanes);
     const float share = make_lane_share(config_.a, config_.a_max);
-    LaneRun lanes{nullptr, nullptr, 0, make_lane_point(p, u, level)};
+    LaneRun lanes{nullptr, nullptr, 0, make_lane_point(p, u, static_cast<int>(run[0] >> kLevelShift))};
     std::array<UnitIndex, kCellLanes + kStripLanes> kept;
     for (std::uint32_t first = 0; first < n; first += kCellLanes) {
       lanes.first = run + 1 + first;
@@ -95,13 +93,19 @@ class PackedFrozen {
 
  private:
   // A word of the grid or of a node: a node's index, or where a leaf's run begins in units of kRunUnit words. A run is
-  // a count, so many lanes' places, and their indices.
+  // a count and the leaf's level, so many lanes' places, and their indices. A leaf above the grid's level is in all
+  // entries of the grid that it covers.
   static constexpr std::uint32_t kIsNode = 1u << 31;
   static constexpr std::size_t kRunUnit = 4;
+  static constexpr int kLevelShift = 27;
+  static constexpr std::uint32_t kMostLanes = (1u << kLevelShift) - 1;
+  static_assert(kMaxCapacity <= kMostLanes && kPackedLevels < 32);
   static constexpr int kMostGridLevel = 7;
-  // A leaf of more lanes is split, unless its children would hold as many.
+  // A leaf of more lanes is split, unless its children would hold as many, though half of its records reach less far
+  // than an eighth of its side.
   static constexpr std::size_t kLeafLanes = 64;
   static constexpr double kLeastGain = 0.75;
+  static constexpr float kSmallShare = 8.0f;
 
   template <class T>
   using Array = std::vector<T, LargePageAllocator<T>>;
@@ -116,41 +120,57 @@ class PackedFrozen {
                                     (u.x >> shift));
   }
 
-  /// Those of `some` that reach `cell`.
-  static std::vector<UnitIndex> reaching(const PackedCell& cell, std::span<const UnitIndex> some,
-                                         const std::vector<PackedReach>& reaches) {
-    std::vector<UnitIndex> out;
-    for (const UnitIndex i : some) {
-      if (reaches[i].touches(cell)) out.push_back(i);
+  /// Those of `some` that reach each child of `cell`.
+  using Parts = std::array<std::vector<UnitIndex>, 8>;
+  static Parts split(const PackedCell& cell, std::span<const UnitIndex> some,
+                     const std::vector<PackedReach>& reaches) {
+    Parts parts;
+    for (unsigned i = 0; i < 8; ++i) {
+      const PackedCell child = cell.child(i);
+      for (const UnitIndex r : some) {
+        if (reaches[r].touches(child)) parts[i].push_back(r);
+      }
     }
-    return out;
+    return parts;
+  }
+  /// Whether the children of `cell`, as far as there is anything in them, have enough less to test than the cell would,
+  /// or those below them will.
+  static bool gains(const PackedCell& cell, std::span<const UnitIndex> some, const Parts& parts,
+                    const std::vector<PackedReach>& reaches) {
+    std::size_t all = 0, filled = 0, small = 0;
+    for (const auto& part : parts) {
+      all += part.size();
+      filled += !part.empty();
+    }
+    for (const UnitIndex i : some) small += kSmallShare * reaches[i].reach() < cell.side();
+    return static_cast<double>(all) < kLeastGain * static_cast<double>(filled * some.size()) ||
+           2 * small >= some.size();
   }
 
+  /// The entries of the grid's cells within `cell`, which is no finer than those.
   void fill_grid(const PackedCell& cell, std::span<const UnitIndex> some,
                  const std::vector<PackedReach>& reaches) {
     if (some.empty()) return;
-    if (cell.level == grid_level_) {
-      const int shift = kMaxLevel - cell.level;
-      grid_[grid_index({cell.x << shift, cell.y << shift, cell.z << shift})] = build(cell, some, reaches);
-      return;
-    }
-    for (unsigned i = 0; i < 8; ++i)
-      fill_grid(cell.child(i), reaching(cell.child(i), some, reaches), reaches);
+    if (cell.level == grid_level_) return set_grid(cell, build(cell, some, reaches));
+    const Parts parts = split(cell, some, reaches);
+    if (!gains(cell, some, parts, reaches)) return set_grid(cell, add_leaf(cell, some, reaches));
+    for (unsigned i = 0; i < 8; ++i) fill_grid(cell.child(i), parts[i], reaches);
+  }
+  void set_grid(const PackedCell& cell, std::uint32_t word) {
+    const std::int32_t side = 1 << (grid_level_ - cell.level);
+    for (std::int32_t z = cell.z * side; z < (cell.z + 1) * side; ++z)
+      for (std::int32_t y = cell.y * side; y < (cell.y + 1) * side; ++y)
+        for (std::int32_t x = cell.x * side; x < (cell.x + 1) * side; ++x)
+          grid_[static_cast<std::size_t>((((z << grid_level_) | y) << grid_level_) | x)] = word;
   }
 
-  /// The word for a cell below the grid.
+  /// The word for a cell of the grid's level or below.
   std::uint32_t build(const PackedCell& cell, std::span<const UnitIndex> some,
                       const std::vector<PackedReach>& reaches) {
     if (some.empty()) return 0;
     if (some.size() > kLeafLanes && cell.level < kPackedLevels) {
-      std::array<std::vector<UnitIndex>, 8> parts;
-      std::size_t all = 0, filled = 0;
-      for (unsigned i = 0; i < 8; ++i) {
-        parts[i] = reaching(cell.child(i), some, reaches);
-        all += parts[i].size();
-        filled += !parts[i].empty();
-      }
-      if (static_cast<double>(all) < kLeastGain * static_cast<double>(filled * some.size())) {
+      const Parts parts = split(cell, some, reaches);
+      if (gains(cell, some, parts, reaches)) {
         const std::size_t n = nodes_.size();
         nodes_.emplace_back();
         for (unsigned i = 0; i < 8; ++i) {
@@ -160,8 +180,15 @@ class PackedFrozen {
         return static_cast<std::uint32_t>(n) | kIsNode;
       }
     }
+    return add_leaf(cell, some, reaches);
+  }
+
+  std::uint32_t add_leaf(const PackedCell& cell, std::span<const UnitIndex> some,
+                         const std::vector<PackedReach>& reaches) {
     const std::size_t begin = words_.size();
-    words_.push_back(static_cast<std::uint32_t>(some.size()));
+    if (begin / kRunUnit >= kIsNode) fail_setup("a frozen cache of so many and large records is too large");
+    words_.push_back(static_cast<std::uint32_t>(some.size()) | static_cast<std::uint32_t>(cell.level)
+                                                                   << kLevelShift);
     for (const UnitIndex i : some)
       words_.push_back(make_lane(reaches[i].p(), reaches[i].reach(), cell.corner(), cell.level));
     words_.insert(words_.end(), some.begin(), some.end());

@@ -163,12 +163,12 @@ inline constexpr std::uint32_t kWeighed = 8, kSummed = kWeighed / 2;
 /// Records that are shown together: the first n of them, 0 < n <= kWeighed; behind them any records.
 using ShownRecords = std::array<const Record*, kWeighed>;
 
-/// Calls f(record, weight) for those that are valid at x, or adds them to f's sums if it has such
+/// Calls f(record, weight) for those that are valid at x, or adds them to the sums of an Interpolator
 /// (core/interpolation.h). Returns how many are valid.
 template <class F>
 std::uint32_t show_valid(const LaneKernels& kernels, const SurfacePoint& x, float a,
                          const ShownRecords& records, std::uint32_t n, F& f) noexcept {
-  if constexpr (requires { f.sums(); }) {
+  if constexpr (std::is_same_v<F, Interpolator>) {
     return kernels.add(x, a, records.data(), n, f.sums());
   } else {
     std::array<float, kWeighed> weights;

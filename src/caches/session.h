@@ -25,6 +25,7 @@
 
 #include "core/at_end.h"
 #include "core/cache.h"
+#include "core/parallel.h"
 #include "core/setup_error.h"
 #include "core/sync.h"
 
@@ -278,13 +279,29 @@ std::uint64_t count_of(const Structure& structure) {
   return live;
 }
 
-/// What update_records does to a record: what f says, but one that cannot be stored as f left it (is_storable) goes.
+/// What update_records does to a record: what f says, but one that cannot be stored as f left it (is_storable) goes, and
+/// one at which f throws stays as it was.
 template <class F>
 auto keeping_storable(F& f, const Bounds& bounds) noexcept {
   return [&f, &bounds](Record& r) {
+    const Record before = r;
+    bool is_done = false;
+    const AtEnd undo{[&] {
+      if (!is_done) r = before;
+    }};
     const UpdateResult asked = f(r);
+    is_done = true;
     return is_storable(r, bounds) ? asked : UpdateResult::drop;
   };
+}
+
+/// Updates a structure, and in any case calls `then` before what that threw comes out of here.
+template <class Structure, class F, class Then>
+void update_and_then(Structure& structure, F&& f, Then&& then) {
+  FirstException exception;
+  exception.guard([&] { structure.update(f); });
+  then();
+  exception.rethrow();
 }
 
 /// Records that fit beside `live` ones where `fit` do from empty, if each takes the most that one does on average. What

@@ -91,25 +91,27 @@ class TbbHashGrid {
   /// Builds all anew if anything is dropped, else brings the copies in cells up to date. Quiescent.
   template <class F>
   void update(F&& f) {
-    std::vector<UpdateResult> verdicts(records_.size());
-    // The cells' copies follow, also where f throws.
-    bool is_due = true;
-    const AtEnd renew{[&] {
-      if (is_due) renew_copies();
-    }};
-    parallel_chunks(records_.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) verdicts[i] = f(records_[i].record);
+    std::vector<UpdateResult> verdicts(records_.size(), UpdateResult::keep);
+    FirstException exception;
+    exception.guard([&] {
+      parallel_chunks(records_.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) verdicts[i] = f(records_[i].record);
+      });
     });
     std::vector<Record> kept;
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
-    if (kept.size() == verdicts.size()) return;
-    is_due = false;
-    clear();
-    parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) insert(kept[i]);
-    });
+    // The cells' copies follow, also where f threw.
+    if (kept.size() == verdicts.size()) {
+      renew_copies();
+    } else {
+      clear();
+      parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) insert(kept[i]);
+      });
+    }
+    exception.rethrow();
   }
 
   template <class F>

@@ -40,6 +40,11 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
 /// A hash as results hold it: a file may change under its name, and what was measured of it before is then of another.
 inline std::string key_text(std::uint64_t key) { return fmt::format("{:016x}", key); }
 
+/// Whether lines for people may go to standard output: not where `results`, a path or empty, may be that itself.
+inline bool may_print_beside(const std::string& results) {
+  return results.empty() || std::filesystem::is_regular_file(results);
+}
+
 /// A placement by its name, the nearest match offered for an unknown one.
 inline Placement placement_of(std::string_view name) {
   constexpr std::string_view kKnown[] = {"compact", "scatter", "none"};

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <memory>
 
@@ -123,7 +122,7 @@ void preempt_command(const PreemptOptions& o) {
         fmt::format("{} trials were invalid and have no row, so '{}' stays incomplete; the first: {}",
                     invalid.size(), o.out, invalid.front()));
   results.finish();
-  if (std::filesystem::is_regular_file(o.out)) print_summary(rows);  // else it may be where the results went
+  if (may_print_beside(o.out)) print_summary(rows);
   progress.finish();
 }
 

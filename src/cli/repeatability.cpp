@@ -170,7 +170,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
     }
   }
   results.finish();
-  if (fs::is_regular_file(o.out)) print_summary(rows);  // standard output may be where the results went
+  if (may_print_beside(o.out)) print_summary(rows);
   progress.finish();
 }
 

@@ -114,28 +114,32 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   }
   progress.finish();
 
-  fmt::print("{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
-             "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "",
-             "", "", "", "");
+  std::string table = fmt::format(
+      "{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n{:>11} {:>11} {:>7} {:>9} {:>9} {:>7} {:>7}\n",
+      "measured", "simulated", "off by", "redundant", "simulated", "waiting", "simul.", "/s", "/s", "", "",
+      "", "", "");
   const Validation outcome = validation_of(simulation, points);
   for (const ComparedPoint& c : points) {
     const Entry row = row_of(c, outcome);
     results.add(row);
-    fmt::print("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
-               median(c.measured.throughput), row.items_per_second.value_or(0.0),
-               100.0 * c.throughput_error(), c.measured.redundant_mean(), c.simulated.redundant_mean(),
-               100.0 * median(c.measured.waiting), 100.0 * median(c.simulated.waiting), row.name);
+    table +=
+        fmt::format("{:>11.4g} {:>11.4g} {:>6.1f}% {:>9.0f} {:>9.0f} {:>6.1f}% {:>6.1f}%  {}\n",
+                    median(c.measured.throughput), row.items_per_second.value_or(0.0),
+                    100.0 * c.throughput_error(), c.measured.redundant_mean(), c.simulated.redundant_mean(),
+                    100.0 * median(c.measured.waiting), 100.0 * median(c.simulated.waiting), row.name);
   }
   const std::string line = fmt::format(
       "median errors with 2 to {} threads: throughput {:.1f} % ({} points), redundant records {:.1f} % ({}), "
       "waiting for locks {:.1f} % ({})",
       outcome.threads, 100.0 * outcome.throughput_error, outcome.points, 100.0 * outcome.records_error,
       outcome.records_points, 100.0 * outcome.waiting_error, outcome.waiting_points);
-  fmt::print("{}\nby the costs that are kept, the middle of those of the moments: throughput {:.1f} %\n",
-             line, 100.0 * outcome.file_error);
+  table +=
+      fmt::format("{}\nby the costs that are kept, the middle of those of the moments: throughput {:.1f} %\n",
+                  line, 100.0 * outcome.file_error);
   simulation.calibration().validation = outcome;
   write_calibration(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
+  if (may_print_beside(o.out_or_default())) fmt::print("{}", table);
   if (!outcome.holds())
     throw CheckFailed(
         fmt::format("{}, by the costs that are kept {:.1f} %; at most {:.0f} % was to be reached", line,
@@ -157,7 +161,7 @@ void simulate_command(const SimulateOptions& o) {
   nlohmann::ordered_json context = environment(topology, info);
   request.host_name = context.value("host_name", "");
   request.cpu_model = context.value("cpu_model", "");
-  request.commit = context.value("commit", "");
+  request.commit = program_of(context);
 
   std::optional<Calibration> calibration;
   if (!o.recalibrate) calibration = read_calibration(request.calibration_path);
@@ -170,6 +174,7 @@ void simulate_command(const SimulateOptions& o) {
   }
   const Calibration used = *calibration;
   Simulation simulation(request, topology, *calibration);
+  if (o.validate) require_this_machine(simulation);
   const auto& r = simulation.request();
   context["simulated"] = true;
   nlohmann::ordered_json told = used.to_json();
@@ -185,11 +190,9 @@ void simulate_command(const SimulateOptions& o) {
   }
   std::vector<std::string> workloads;
   for (const WorkloadSpec& w : r.workloads) workloads.push_back(w.name);
-  const nlohmann::ordered_json configuration = {{"command", "simulate"},
-                                                {"workloads", workloads},
-                                                {"caches", r.caches},
-                                                {"cores", r.cores},
-                                                {"seed", r.seed}};
+  const nlohmann::ordered_json configuration = {
+      {"command", "simulate"}, {"workloads", workloads}, {"caches", r.caches},
+      {"cores", r.cores},      {"seed", r.seed},         {"virtual_machine", context["virtual_machine"]}};
   simulation.complete_calibration(
       [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
   ResultsWriter results(out, context, configuration);

@@ -157,6 +157,7 @@ void info_command(const InfoOptions& o) {
                            {"records_digest", fmt::format("{:016x}", f.digest)}});
   }
   if (!o.json.empty()) write_json(o.json, j);
+  if (!may_print_beside(o.json)) return;
   fmt::print("{}: {} by {}, {}x{} at {} spp, {} frame{}; captured with {}, {} thread{}\n", o.file, c.scene,
              c.integrator, c.width, c.height, c.spp, trace.frames.size(), trace.frames.size() == 1 ? "" : "s",
              c.cache, c.config.max_sessions, c.config.max_sessions == 1 ? "" : "s");
@@ -246,8 +247,16 @@ void replay_command(const ReplayOptions& o) {
     nlohmann::ordered_json context = environment(topology, info);
     context["work_calibration"] = sweep.work().calibration().to_json();
     context["tick_rate"] = sweep.tick_rate().to_json();
-    const nlohmann::ordered_json configuration = {{"command", "trace replay"},
-                                                  {"trace", key_text(request.workloads.front().checksum)}};
+    const nlohmann::ordered_json configuration = {
+        {"command", "trace replay"},
+        {"trace", key_text(sweep.request().workloads.front().checksum)},
+        {"workload", request.workloads.front().name},
+        {"caches", request.caches},
+        {"threads", request.threads},
+        {"placement", to_string(request.placement)},
+        {"repetitions", request.repetitions},
+        {"seed", request.seed},
+        {"latency_every", request.latency_every}};
     results = std::make_unique<ResultsWriter>(o.json, context, configuration);
   }
   std::map<std::string, std::vector<Entry>> rows;
@@ -263,6 +272,7 @@ void replay_command(const ReplayOptions& o) {
     }
   }
   if (results) results->finish();
+  if (!may_print_beside(o.json)) return;
   for (const std::string& cache : request.caches) {
     for (const unsigned threads : request.threads) {
       const SweepPoint point{0, &find_cache(cache), threads};

@@ -83,7 +83,8 @@ struct CacheTraits {
 };
 
 struct CacheConfig {
-  Bounds bounds{};  ///< records and queries outside are refused
+  Bounds
+      bounds{};  ///< records and queries outside are refused; octrees reckon with the bounds of what is shown
   float a_max =
       0.5f;        ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
   float a = 0.5f;  ///< accuracy of queries, kMinAccuracy <= a <= a_max; smaller is finer
@@ -104,9 +105,11 @@ inline constexpr std::uint32_t kMaxCapacity = 1u << 26;
 
 /// Whether the memory of a cache is to be asked for on large pages: unless told, where it fills several of them, so that
 /// they are worth the time it takes to clear one.
+inline LargePages large_pages_of(LargePages asked, std::uint32_t records) noexcept {
+  return asked == LargePages::when_large && records <= 1u << 16 ? LargePages::never : asked;
+}
 inline LargePages large_pages_of(const CacheConfig& config) noexcept {
-  const bool is_small = config.large_pages == LargePages::when_large && config.capacity <= 1u << 16;
-  return is_small ? LargePages::never : config.large_pages;
+  return large_pages_of(config.large_pages, config.capacity);
 }
 
 /// A capacity that holds `records` for certain, although every session may be left with tickets it does not use.

@@ -127,8 +127,9 @@ class MeanIrradiance {
   WeightedSums sums_{};
 };
 
-/// Interpolates between the records that are valid at a point.
-class Interpolator {
+/// Interpolates between the records that are valid at a point. Caches may add to its sums many records at once, behind
+/// operator()'s back: nothing may be derived from it.
+class Interpolator final {
  public:
   void operator()(const Record& r, float weight) noexcept { mean_.add(r.E, weight); }
 

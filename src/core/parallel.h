@@ -1,39 +1,49 @@
 // Fork and join for quiescent work: merging, updating and clearing a cache between frames.
 //
-// Plain std::thread on purpose, not oneTBB: ThreadSanitizer sees every edge of it (oneTBB's scheduler is a
-// prebuilt library and looks like a race), and a renderer that embeds a cache needs no task scheduler for it.
-// Starting a thread costs some ten microseconds, so callers choose a grain worth more than that; below two
+// Plain threads on purpose, not oneTBB: ThreadSanitizer sees every edge of it (oneTBB's scheduler is a prebuilt library
+// and looks like a race), and a renderer that embeds a cache needs no task scheduler for it. POSIX ones, since
+// std::thread ends a program without exceptions where the system has no more threads. Starting a thread costs some ten microseconds, so callers choose a grain worth more than that; below two
 // grains nothing is started.
 #pragma once
+
+#include <pthread.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <exception>
-#include <functional>
+#include <memory>
 #include <new>
-#include <system_error>
 #include <thread>
-#include <vector>
 
 namespace icbench {
 
-/// Starts one more helper; false if the system has no more threads, or no memory for one.
+/// Threads that run `work()`, at most `most` of them; they are joined when this goes out of scope.
 template <class Work>
-bool start(std::vector<std::jthread>& helpers, Work& work) {
-#if defined(__cpp_exceptions)
-  try {
-    helpers.emplace_back(std::ref(work));
-  } catch (const std::system_error&) {
-    return false;
-  } catch (const std::bad_alloc&) {
-    return false;
+class Helpers {
+ public:
+  Helpers(Work& work, std::size_t most) noexcept
+      : work_(work), threads_(most != 0 ? new (std::nothrow) pthread_t[most] : nullptr) {
+    const auto run = [](void* of) -> void* {
+      (*static_cast<Work*>(of))();
+      return nullptr;
+    };
+    // Fewer if the system has no more threads, or no memory for one.
+    while (threads_ != nullptr && count_ < most &&
+           ::pthread_create(&threads_[count_], nullptr, run, &work_) == 0)
+      ++count_;
   }
-#else
-  helpers.emplace_back(std::ref(work));
-#endif
-  return true;
-}
+  ~Helpers() {
+    for (std::size_t i = 0; i < count_; ++i) ::pthread_join(threads_[i], nullptr);
+  }
+  Helpers(const Helpers&) = delete;
+  Helpers& operator=(const Helpers&) = delete;
+
+ private:
+  Work& work_;
+  std::unique_ptr<pthread_t[]> threads_;
+  std::size_t count_ = 0;
+};
 
 /// The first exception of several threads. Read it when all have been joined.
 class FirstException {
@@ -73,7 +83,7 @@ template <class F>
 void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   std::atomic<std::size_t> next{0};
   FirstException exception;
-  const auto work = [&] {
+  auto work = [&] {
     for (;;) {
       // Relaxed: chunks only have to be distinct; starting and joining the threads orders what is in them.
       const std::size_t begin = next.fetch_add(grain, std::memory_order_relaxed);
@@ -85,9 +95,7 @@ void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   if (workers > 1)  // to count the processors takes longer than a few chunks
     workers = std::min<std::size_t>(workers, std::max(1u, std::thread::hardware_concurrency()));
   {
-    std::vector<std::jthread> helpers;
-    for (std::size_t i = 1; i < workers && start(helpers, work); ++i) {
-    }
+    const Helpers helpers(work, workers > 1 ? workers - 1 : 0);
     work();
   }
   exception.rethrow();

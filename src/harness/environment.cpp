@@ -9,9 +9,11 @@
 #include <array>
 #include <ctime>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 #include "harness/build_info.h"
 #include "harness/machine.h"
@@ -67,6 +69,19 @@ std::string executable(const RunInfo& run) {
   return run.command_line.empty() ? "unknown" : run.command_line.front();
 }
 
+/// What tells a program from others of the same commit: a hash (FNV-1a) of its file.
+std::string program_hash() {
+  std::ifstream file("/proc/self/exe", std::ios::binary);
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  std::vector<char> bytes(1u << 20);
+  do {
+    file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    for (std::streamsize i = 0; i < file.gcount(); ++i)
+      hash = (hash ^ static_cast<unsigned char>(bytes[static_cast<std::size_t>(i)])) * 0x100000001b3u;
+  } while (file);
+  return fmt::format("{:016x}", hash);
+}
+
 std::string host_name() {
   std::array<char, 257> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
@@ -120,6 +135,8 @@ Json environment(const Topology& topology, const RunInfo& run) {
   e["schema_version"] = kSchemaVersion;
   e["commit"] = build.commit;
   e["dirty"] = build.dirty;
+  // Of what no commit tells.
+  e["program"] = build.dirty || build.commit == "unknown" ? program_hash() : "";
   e["compiler"] = build.compiler;
   e["compiler_flags"] = build.compiler_flags;
   e["build_type"] = build.build_type;
@@ -148,11 +165,16 @@ Json environment(const Topology& topology, const RunInfo& run) {
   return e;
 }
 
+std::string program_of(const Json& environment) {
+  const std::string commit = environment.value("commit", ""), program = environment.value("program", "");
+  return program.empty() ? commit : fmt::format("{} with changes, program {}", commit, program);
+}
+
 Json environment_identity(const Json& environment) {
   Json identity = Json::object();
   for (const char* key :
        {"schema_version", "host_name", "cpu_model", "machine", "allowed_units", "kernel", "governor", "boost",
-        "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty", "compiler",
+        "transparent_huge_pages", "cgroup_cpu_quota", "hypervisor", "commit", "dirty", "program", "compiler",
         "compiler_flags", "build_type", "library_build_type"})
     identity[key] = environment.value(key, Json(nullptr));
   return identity;

@@ -34,6 +34,9 @@ nlohmann::ordered_json environment(const Topology& topology, const RunInfo& run)
 /// is resumed: machine, kernel, frequency governor, build.
 nlohmann::ordered_json environment_identity(const nlohmann::ordered_json& environment);
 
+/// The program that an environment is of: its commit, and, of what no commit tells, the hash of its file.
+std::string program_of(const nlohmann::ordered_json& environment);
+
 /// One, five and fifteen minute load averages; empty if the system has none.
 std::vector<double> load_averages();
 

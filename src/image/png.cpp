@@ -152,14 +152,15 @@ std::string encode_png(const Image& image, float exposure) {
   return bytes;
 }
 
-Image decode_png(std::string_view bytes) {
+Image decode_png(std::string_view bytes, bool is_srgb) {
   if (bytes.size() > std::size_t{1} << 30) throw std::runtime_error("the PNG image is larger than 1 GiB");
   const PngHeader header = check_chunks(bytes);
   check_size(header, bytes.size());
   std::string whole;
   if (header.palette != 0) bytes = whole = with_whole_palette(bytes, header.palette);
-  return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f, header.gamma)
-                                : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f, header.gamma);
+  const float gamma = is_srgb ? 0.0f : header.gamma;
+  return header.bit_depth == 16 ? decode<stbi_us>(bytes, stbi_load_16_from_memory, 65535.0f, gamma)
+                                : decode<stbi_uc>(bytes, stbi_load_from_memory, 255.0f, gamma);
 }
 
 }  // namespace icbench

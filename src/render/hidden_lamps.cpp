@@ -23,7 +23,7 @@ std::optional<HiddenLamps> hidden_lamps(const RayTracer& rays) {
     ++drawn;
     const float reach = 4.0f * rays.epsilon();
     const Hit hit = tracer.intersect({start.p + reach * start.d, 2.0f * reach, -start.d});
-    if (hit.missed() || rays.material(hit).emits()) continue;
+    if (hit.missed() || rays.emitted(hit) != glm::vec3(0.0f)) continue;
     ++hidden;
     ++met[hit.mesh];
   }

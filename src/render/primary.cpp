@@ -50,6 +50,7 @@ PrimaryHits::PrimaryHits(const Scene& scene, int w, int h)
   if (!scene.has_specular()) return;
   weights.resize(hits.size());
   extra.resize(hits.size());
+  through.resize(hits.size());
 }
 
 std::uint32_t PrimaryHits::layers() const noexcept {
@@ -77,8 +78,9 @@ Hit primary_hit(Tracer& tracer, const CameraView& view, Lens lens, const SampleK
   return tracer.intersect(jittered_ray(view, x, y, random));
 }
 
-void trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<WeightedHit>& out) noexcept {
+bool trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<WeightedHit>& out) noexcept {
   const RayTracer& rays = tracer.shared();
+  bool is_through = false;
   out.clear();
   Branches branches;
   branches.push({ray, glm::vec3(1.0f), 0}, random);
@@ -91,6 +93,7 @@ void trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<We
       if (at.depth == 0 || shows_anything(rays, hit)) out.push_back({hit, at.weight});
       continue;
     }
+    is_through = true;
     // Every waiting branch ends in one leaf at most, and splitting makes one more of them.
     const bool may_split = at.depth < kSplitDepth && out.size() + branches.size() + 2 <= kMaxVisible;
     if (material.surface == Surface::dielectric && may_split) {
@@ -104,6 +107,7 @@ void trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<We
       branches.push(at, random);
     }
   }
+  return is_through;
 }
 
 void primary_tile(Tracer& tracer, const CameraView& view, Lens lens, const SampleKey& key, const Tile& tile,
@@ -129,7 +133,7 @@ void primary_tile(Tracer& tracer, const CameraView& view, Lens lens, const Sampl
     const Ray ray = lens == Lens::jittered
                         ? jittered_ray(view, x, y, random)
                         : view.ray(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
-    trace_visible(tracer, ray, random, seen);
+    out.through[pixel] = trace_visible(tracer, ray, random, seen);
     if (seen.empty()) {
       out.hits[pixel] = missed_hit();
       out.weights[pixel] = glm::vec3(0.0f);

@@ -51,14 +51,17 @@ struct PrimaryHits {
   // Empty in scenes without specular surfaces, where every weight is 1.
   std::vector<glm::vec3> weights;               ///< of `hits`
   std::vector<std::vector<WeightedHit>> extra;  ///< what else a pixel sees; at most kMaxVisible - 1
+  std::vector<std::uint8_t> through;  ///< whether it sees all that in a mirror or through a dielectric
 
   PrimaryHits() = default;
   /// Room for an image of a scene.
   PrimaryHits(const Scene& scene, int w, int h);
 
   bool is_plain() const noexcept { return extra.empty(); }  ///< no specular surfaces
-  std::uint32_t layers() const noexcept;                    ///< the most hits that any pixel has, at least 1
-  std::size_t count() const noexcept;                       ///< hits of all pixels, missed ones included
+  /// Whether the first surface that a pixel's ray meets is specular.
+  bool sees_through(std::size_t pixel) const noexcept { return !is_plain() && through[pixel] != 0; }
+  std::uint32_t layers() const noexcept;  ///< the most hits that any pixel has, at least 1
+  std::size_t count() const noexcept;     ///< hits of all pixels, missed ones included
 
   /// How many hits the pixel has, at least 1.
   std::uint32_t layers_of(std::uint32_t pixel) const noexcept {
@@ -175,8 +178,9 @@ Hit primary_hit(Tracer& tracer, const CameraView& view, Lens lens, const SampleK
                 std::uint32_t pixel) noexcept;
 
 /// Overwrites `out` with the diffuse surfaces that a ray of unit direction sees, through mirrors and dielectrics; what
-/// neither emits towards the ray nor reflects is left out if it is not the first hit. Out of memory ends the program.
-void trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<WeightedHit>& out) noexcept;
+/// neither emits towards the ray nor reflects is left out if it is not the first hit. Returns whether the first hit is
+/// specular. Out of memory ends the program.
+bool trace_visible(Tracer& tracer, const Ray& ray, Pcg32& random, std::vector<WeightedHit>& out) noexcept;
 
 /// Fills a tile of `out`, which has room for this scene. Tiles of one image may be filled at once.
 void primary_tile(Tracer& tracer, const CameraView& view, Lens lens, const SampleKey& key, const Tile& tile,

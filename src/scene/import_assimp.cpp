@@ -111,7 +111,13 @@ class AssimpReader {
     if (material.GetTextureCount(aiTextureType_NORMALS) + material.GetTextureCount(aiTextureType_HEIGHT) > 0)
       model_.notes.drop("normal maps");
     if (material.GetTextureCount(aiTextureType_EMISSIVE) > 0) model_.notes.drop("emissive textures");
-    if (m.surface != Surface::diffuse) return;
+    if (m.surface != Surface::diffuse) {
+      if (material.GetTextureCount(aiTextureType_BASE_COLOR) +
+              material.GetTextureCount(aiTextureType_DIFFUSE) >
+          0)
+        model_.notes.drop("base-colour textures of mirrors and glass");
+      return;
+    }
     for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE}) {
       aiString path;
       if (material.GetTexture(type, 0, &path) != AI_SUCCESS || path.length == 0) continue;

@@ -12,6 +12,8 @@ namespace icbench::importing {
 namespace {
 
 constexpr std::uint64_t kRepeat = 10497;  // the only wrap mode that Texture has
+constexpr double kSmooth = 0.1;           // up to that roughness metals are mirrors
+constexpr std::uint64_t kNearest = 9728;  // a filter that it has not
 
 std::optional<Element> extension(const Element& element, const char* name) {
   const auto all = element.find("extensions");
@@ -43,18 +45,22 @@ class MaterialReader {
     }
     for (int c = 0; c < 3; ++c) m.albedo[c] = static_cast<float>(std::clamp(colour[c], 0.0, 1.0));
     m.emission = emission(material);
-    m.surface = surface(material, colour[3], metallic, roughness, to.thin);
-    if (m.emits()) {
-      m.surface = Surface::diffuse;
-      to.thin = false;
+    const Kind kind = surface(material, colour[3], metallic, roughness);
+    if (!m.emits()) {
+      m.surface = kind.surface;
+      to.thin = kind.is_thin;
     }
     if (m.surface == Surface::dielectric) m.ior = index_of_refraction(material);
     TextureUse use;
     if (texture && m.surface == Surface::diffuse) {
       use = texture_use(*texture, m.texture);
     } else if (texture) {
+      model_.notes.add("base-colour textures of mirrors and glass count by their mean colour");
       m.albedo *= mean(texture_index(*texture));
     }
+    // As much of what is behind it shows as its own colour leaves, and none of that.
+    if (m.surface == Surface::dielectric && kind.is_blended)
+      m.albedo = glm::mix(glm::vec3(1.0f), m.albedo, static_cast<float>(std::clamp(colour[3], 0.0, 1.0)));
     // A share for each of the two sheets.
     if (to.thin) m.albedo = glm::sqrt(m.albedo);
     model_.materials.push_back(to);
@@ -84,7 +90,12 @@ class MaterialReader {
       if (volume->has("attenuationColor")) model_.notes.drop("absorption inside glass");
   }
 
-  Surface surface(const Element& material, double alpha, double metallic, double roughness, bool& thin) {
+  struct Kind {
+    Surface surface = Surface::diffuse;
+    bool is_thin = false;     // glass of two sheets
+    bool is_blended = false;  // glass by alpha, not by transmission
+  };
+  Kind surface(const Element& material, double alpha, double metallic, double roughness) {
     double transmission = 0.0;
     if (const auto t = extension(material, "KHR_materials_transmission")) {
       transmission = t->number("transmissionFactor", 0.0) * (1.0 - metallic);
@@ -93,15 +104,18 @@ class MaterialReader {
     const auto volume = extension(material, "KHR_materials_volume");
     const bool blends = material.text("alphaMode", "OPAQUE") == "BLEND";
     if (transmission >= 0.5 || (blends && alpha < 0.5)) {
-      thin = !volume || !(volume->number("thicknessFactor", 0.0) > 0.0);
-      if (transmission < 0.5) model_.notes.add("surfaces that blend by alpha below 0.5 count as glass");
-      return Surface::dielectric;
+      const bool is_thin = !volume || !(volume->number("thicknessFactor", 0.0) > 0.0);
+      const bool is_blended = transmission < 0.5;
+      if (is_blended) model_.notes.add("surfaces that blend by alpha below 0.5 count as glass");
+      if (!is_blended && roughness > kSmooth) model_.notes.drop("roughness of glass");
+      return {Surface::dielectric, is_thin, is_blended};
     }
     if (blends) model_.notes.drop("blending by alpha of 0.5 or more");
-    if (metallic < 0.5) return Surface::diffuse;
-    if (roughness <= 0.1) return Surface::mirror;
+    if (transmission > 0.0) model_.notes.drop("transmission below 0.5");
+    if (metallic < 0.5) return {};
+    if (roughness <= kSmooth) return {.surface = Surface::mirror};
     if (roughness < 1.0) model_.notes.drop("gloss of rough metals");
-    return Surface::diffuse;
+    return {};
   }
 
   float index_of_refraction(const Element& material) {
@@ -164,6 +178,8 @@ class MaterialReader {
       const Element s = document_.at("samplers")[sampler->whole()];
       if (s.whole("wrapS", kRepeat) != kRepeat || s.whole("wrapT", kRepeat) != kRepeat)
         model_.notes.drop("wrap modes (textures repeat)");
+      if (s.whole("magFilter", 0) == kNearest)
+        model_.notes.drop("nearest filtering (textures are interpolated)");
     }
     const Element images = document_.at("images");
     const std::uint32_t index = texture.at("source").index(images.size());

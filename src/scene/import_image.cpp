@@ -32,7 +32,7 @@ std::size_t big_endian(std::string_view bytes) {
 
 void decode_png_into(Texture& texture, std::string_view bytes) {
   if (bytes.size() >= 24) check_size(big_endian(bytes.substr(16, 4)), big_endian(bytes.substr(20, 4)));
-  const Image image = decode_png(bytes);
+  const Image image = decode_png(bytes, true);
   texture.width = image.width;
   texture.height = image.height;
   texture.texels.reserve(3 * image.pixels.size());

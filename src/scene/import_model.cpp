@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <glm/geometric.hpp>
-#include <glm/matrix.hpp>
 #include <limits>
 #include <map>
 #include <memory>
@@ -13,6 +11,9 @@
 #include <stdexcept>
 #include <tuple>
 #include <utility>
+
+#include "scene/import_placing.h"
+#include "scene/import_thin_glass.h"
 
 namespace icbench::importing {
 namespace {
@@ -25,6 +26,8 @@ constexpr double kGlassThickness = 2.0 * kFarAway * 1e1 * kEpsilonShare;
 // A matrix flattens if its determinant is below this share of its axes' lengths multiplied: a pose's floats could not
 // tell whether it mirrors.
 constexpr double kFlatShare = 1e-6;
+// A moving shape whose radius is more than so many metres in its own space, or less than its inverse, is of odd units.
+constexpr double kOddUnits = 1024.0;
 // Most poses that the motion of a scene may need.
 constexpr std::size_t kMaxPoses = 4'000'000;
 // Most steps up the hierarchy that these may take, with those of lamps and of the camera; each is a product of matrices.
@@ -41,15 +44,6 @@ struct Box {
   double radius() const { return glm::length(0.5 * upper - 0.5 * lower); }
 };
 
-glm::dvec3 transform(const glm::dmat4& m, const glm::dvec3& p) { return glm::dvec3(m * glm::dvec4(p, 1.0)); }
-
-// Turns directions as the normals of surfaces turn, up to length; unlike the inverse it exists for every
-// matrix.
-glm::dmat3 cofactors(const glm::dmat4& m) {
-  const glm::dvec3 a(m[0]), b(m[1]), c(m[2]);
-  return {glm::cross(b, c), glm::cross(c, a), glm::cross(a, b)};
-}
-
 bool mirrors(const glm::dmat4& m) { return glm::determinant(glm::dmat3(m)) < 0.0; }
 
 // Whether a matrix leaves no volume, as does a scale of 0 that hides a node; only animated scales are kept from that.
@@ -58,23 +52,6 @@ bool flattens(const glm::dmat4& m) {
   const double most = glm::length(axes[0]) * glm::length(axes[1]) * glm::length(axes[2]);
   return !(std::abs(glm::determinant(axes)) >
            std::max(kFlatShare * most, double{std::numeric_limits<float>::min()}));
-}
-
-glm::dvec3 unit_or(const glm::dvec3& v, const glm::dvec3& otherwise) {
-  const double longest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-  if (!(longest > 0.0 && std::isfinite(longest))) return otherwise;
-  return glm::normalize(v / longest);
-}
-
-// For each vertex the sum of the normals around it, weighted by area.
-std::vector<glm::dvec3> face_sums(const Shape& shape) {
-  std::vector<glm::dvec3> sums(shape.positions.size(), glm::dvec3(0.0));
-  for (const glm::uvec3& t : shape.triangles) {
-    const glm::dvec3& a = shape.positions[t.x];
-    const glm::dvec3 n = glm::cross(shape.positions[t.y] - a, shape.positions[t.z] - a);
-    for (const std::uint32_t v : {t.x, t.y, t.z}) sums[v] += n;
-  }
-  return sums;
 }
 
 // A mesh of single precision in the making.
@@ -108,27 +85,6 @@ struct Part {
     }
   }
 };
-
-// The back of a sheet of thin glass: the same triangles, reversed, `thickness` behind them where a matrix puts them,
-// whose determinant is not 0.
-void add_back(Shape& shape, double thickness, const glm::dmat4& m) {
-  const std::size_t count = shape.positions.size();
-  const std::vector<glm::dvec3> n = face_sums(shape);
-  const auto first = static_cast<std::uint32_t>(count);
-  const glm::dmat3 turn = cofactors(m);
-  // Directions return by the inverse, the transposed cofactors over the determinant. Of a mirrored shape both the
-  // front and the determinant have the other sign.
-  const glm::dmat3 back = glm::transpose(turn) * (thickness / std::abs(glm::determinant(glm::dmat3(m))));
-  for (std::size_t v = 0; v < count; ++v)
-    shape.positions.push_back(shape.positions[v] - back * unit_or(turn * n[v], glm::dvec3(0.0)));
-  for (std::size_t v = 0, end = shape.normals.size(); v < end; ++v)
-    shape.normals.push_back(-shape.normals[v]);
-  for (std::size_t v = 0, end = shape.uvs.size(); v < end; ++v) shape.uvs.push_back(shape.uvs[v]);
-  for (std::size_t t = 0, end = shape.triangles.size(); t < end; ++t) {
-    const glm::uvec3 front = shape.triangles[t];
-    shape.triangles.emplace_back(first + front.x, first + front.z, first + front.y);
-  }
-}
 
 class Assembly {
  public:
@@ -203,14 +159,14 @@ class Assembly {
   bool is_hidden(std::uint32_t node) const { return rig_->moves(node) && flattens(world(node)); }
 
   void find_bounds() {
-    std::vector<Box> own(model_.shapes.size());
+    std::vector<Box>& own = shape_bounds_;
+    own.resize(model_.shapes.size());
     for (std::size_t i = 0; i < own.size(); ++i)
-      for (const glm::dvec3& p : model_.shapes[i].positions) own[i].extend(p);
+      for_each_used(model_.shapes[i], glm::dmat4(1.0), [&](const glm::dvec3& p) { own[i].extend(p); });
     for (const auto& [node, shape] : model_.placed_shapes) {
-      if (own[shape].empty()) continue;
+      if (own[shape].empty() || is_hidden(node)) continue;
       if (!rig_->moves(node)) {
-        const glm::dmat4 m = world(node);
-        for (const glm::dvec3& p : model_.shapes[shape].positions) bounds_.extend(transform(m, p));
+        for_each_used(model_.shapes[shape], world(node), [&](const glm::dvec3& p) { bounds_.extend(p); });
         continue;
       }
       for (std::uint32_t frame = 0; frame < scene_.frames; ++frame) {
@@ -221,9 +177,9 @@ class Assembly {
                                        c & 4 ? own[shape].upper.z : own[shape].lower.z}));
       }
     }
-    for (const Box& box : own) shape_centres_.push_back(box.empty() ? glm::dvec3(0.0) : box.centre());
+    if (bounds_.empty()) fail("holds no triangle with a surface");
     const double radius = bounds_.radius();
-    if (bounds_.empty() || !(radius >= 0.5 * kMinReach && radius <= kMaxReach))
+    if (!(radius >= 0.5 * kMinReach && radius <= kMaxReach))
       fail(fmt::format("is {:.6g} m large; scale it to between {} and {} m", 2.0 * radius, kMinReach,
                        kMaxReach));
     const glm::dvec3 centre = bounds_.centre();
@@ -240,24 +196,30 @@ class Assembly {
     struct Largest {
       double size = 0.0;
       glm::dmat4 matrix{0.0};
+      bool is_alone = true;  // shown once, and still
     };
     std::map<std::uint32_t, Largest> largest;  // by shape
     for (const auto& [node, shape] : model_.placed_shapes) {
       if (!model_.materials[model_.shapes[shape].material].thin || is_hidden(node)) continue;
-      Largest& l = largest[shape];
+      const auto [known, first] = largest.try_emplace(shape);
+      Largest& l = known->second;
+      l.is_alone = first && !rig_->moves(node);
       for (std::uint32_t frame = 0; frame < (rig_->moves(node) ? scene_.frames : 1u); ++frame) {
         const glm::dmat4 m = world(node, frame);
         const double size = std::abs(glm::determinant(glm::dmat3(m)));
-        if (size > l.size) l = {size, m};
+        if (size > l.size) l = {size, m, l.is_alone};
       }
     }
+    const double thickness = kGlassThickness * bounds_.radius();
+    std::vector<StandingGlass> standing;
     for (const auto& [shape, l] : largest) {
-      if (flattens(l.matrix)) {
-        model_.notes.add("thin glass of scale 0 has one sheet");
-      } else {
-        add_back(model_.shapes[shape], kGlassThickness * bounds_.radius(), l.matrix);
-      }
+      if (!flattens(l.matrix))
+        standing.push_back({&model_.shapes[shape], l.matrix, l.is_alone ? 0 : 1 + shape});
     }
+    if (drop_second_faces(standing, 0.5 * thickness))
+      model_.notes.add("thin glass with both its faces counts once");
+    for (const StandingGlass& g : standing) add_back(*g.shape, thickness, g.matrix);
+    if (standing.size() < largest.size()) model_.notes.add("thin glass of scale 0 has one sheet");
   }
 
   // What stands still is one mesh for each material and kind of vertex; what moves is one for each shape,
@@ -285,14 +247,21 @@ class Assembly {
     for (auto& [key, part] : still) scene_.meshes.push_back(std::move(part.mesh));
   }
 
-  // A moving shape lies around its own centre, so that single precision serves it well; a mirrored one is
-  // mirrored at rest, since a pose may not.
+  // A moving shape lies around its own centre, and one of odd units is brought to the order of a metre, so that single
+  // precision serves it well; a mirrored one is mirrored at rest, since a pose may not.
   void place_moving(std::uint32_t node, std::uint32_t index,
                     std::map<std::pair<std::uint32_t, bool>, std::uint32_t>& shown) {
     const bool mirrored = mirrors(world(node));
-    const glm::dvec3 centre = shape_centres_[index];
+    const Box& own = shape_bounds_[index];
+    const glm::dvec3 centre = own.empty() ? glm::dvec3(0.0) : own.centre();
+    const double radius = own.empty() ? 1.0 : own.radius();
+    const double scale =
+        radius > kOddUnits || radius < 1.0 / kOddUnits ? std::exp2(-std::ilogb(radius)) : 1.0;
     glm::dmat4 to_rest(1.0), from_rest(1.0);
-    if (mirrored) to_rest[0][0] = from_rest[0][0] = -1.0;
+    for (int c = 0; c < 3; ++c) {
+      to_rest[c][c] = c == 0 && mirrored ? -scale : scale;
+      from_rest[c][c] = 1.0 / to_rest[c][c];
+    }
     from_rest[3] = glm::dvec4(centre, 1.0);
     to_rest[3] = glm::dvec4(-glm::dvec3(to_rest * glm::dvec4(centre, 0.0)), 1.0);
     Part part;
@@ -398,7 +367,7 @@ class Assembly {
   std::shared_ptr<Rig> rig_;
   Scene scene_;
   Box bounds_;
-  std::vector<glm::dvec3> shape_centres_;
+  std::vector<Box> shape_bounds_;  // in their own space
   glm::dvec3 origin_{0.0};
 };
 

@@ -282,21 +282,27 @@ void measure_alone(const CacheEntry& cache, const CalibratedPlan& plan, TrialSet
 }
 
 double merge_of_record(const TrialOutcome& o) {
-  return o.merge_ns / std::max(1.0, static_cast<double>(o.counts.inserted));
+  return o.merge_cpu_ns / std::max(1.0, static_cast<double>(o.counts.inserted));
 }
 
 }  // namespace
 
 double measured_pace(ThreadTeam& team, const Work& work) {
   static const TickRate rate = calibrate_ticks();
-  constexpr double kNs = 20e6;
+  // The middle one of many pieces: the others may have waited while something else ran.
+  constexpr double kNs = 1e6;
+  constexpr int kPieces = 21;
   const std::uint64_t units = work.units_for_ns(kNs);
   std::vector<double> paces(team.size());
   team.run([&](unsigned t) {
-    const std::uint64_t start = ticks();
-    const std::uint64_t end = do_work(units, t);
-    asm volatile("" ::"r"(end));  // the chain ends before the counter is read again
-    paces[t] = rate.to_ns(ticks() - start) / kNs;
+    std::array<double, kPieces> pieces;
+    for (double& pace : pieces) {
+      const std::uint64_t start = ticks();
+      const std::uint64_t end = do_work(units, t);
+      asm volatile("" ::"r"(end));  // the chain ends before the counter is read again
+      pace = rate.to_ns(ticks() - start) / kNs;
+    }
+    paces[t] = median(pieces);
   });
   return std::accumulate(paces.begin(), paces.end(), 0.0) / static_cast<double>(paces.size());
 }
@@ -305,7 +311,7 @@ Calibration calibrate_machine(const Topology& topology, const Json& environment)
   Calibration c;
   c.host_name = environment.value("host_name", "");
   c.cpu_model = environment.value("cpu_model", "");
-  c.commit = environment.value("commit", "");
+  c.commit = program_of(environment);
   c.date = date_now();
   measure_waits(c.waits);
   const Work work = Work::calibrate();
@@ -399,7 +405,7 @@ CacheCosts costs_now(CacheCosts costs, const CacheEntry& cache, const Calibrated
                      const Work& work, std::uint64_t seed) {
   const TrialOutcome o = run_trial(cache, plan, {one, work, seed});
   if (costs.merge_record_ns != 0.0) costs.merge_record_ns = merge_of_record(o);
-  const double measured = o.cpu_ns - o.merge_ns;
+  const double measured = o.cpu_ns - o.merge_cpu_ns;
   if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
   measure_alone(cache, plan, {one, work, seed}, costs);
   return costs;

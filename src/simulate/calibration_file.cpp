@@ -4,9 +4,9 @@
 
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <stdexcept>
 
+#include "files/input_file.h"
 #include "files/json_file.h"
 #include "simulate/calibration.h"
 
@@ -172,12 +172,13 @@ std::string default_calibration_path() {
 std::optional<Calibration> read_calibration(const std::string& path) {
   std::error_code none;
   if (!std::filesystem::exists(path, none)) return std::nullopt;
-  if (std::filesystem::is_directory(path, none))
-    throw std::runtime_error(fmt::format("calibration '{}' is a folder; name a file by --calibration", path));
-  std::ifstream in(path);
+  if (!std::filesystem::is_regular_file(path, none)) {
+    throw std::runtime_error(fmt::format("calibration '{}' is {}; name a file by --calibration", path,
+                                         std::filesystem::is_directory(path, none) ? "a folder" : "no file"));
+  }
+  const std::string text = load_file(path);
   try {
-    const Json j = Json::parse(in, nullptr, false);
-    if (!in && !in.eof()) throw std::runtime_error("it cannot be read");
+    const Json j = Json::parse(text, nullptr, false);
     if (j.is_discarded()) throw std::runtime_error("this is no JSON");
     return parse(j);
   } catch (const std::exception& e) {

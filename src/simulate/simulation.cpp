@@ -180,7 +180,7 @@ Moment Simulation::measured_now(const SimulationPoint& point, unsigned repetitio
     if (then > 0.0) out.costs.operations.fresh_ns *= out.transfers.ns[0] / then;
   }
   out.pace.alone = measured_pace(t.one, t.work);
-  if (t.two != nullptr && point.cores != 1) out.pace.together = measured_pace(*t.two, t.work);
+  if (t.two != nullptr) out.pace.together = measured_pace(*t.two, t.work);
   out.costs = costs_now(out.costs, *point.cache, plan_without_work(point.workload), t.one, t.work,
                         hash_keys(request_.seed, repetition, 8));
   return out;

@@ -112,16 +112,19 @@ std::vector<unsigned> validated_cores(const Topology& topology) {
   return out;
 }
 
+void require_this_machine(Simulation& simulation) {
+  if (simulation.is_of_this_machine()) return;
+  throw std::runtime_error(fmt::format(
+      "calibration '{}' is of machine '{}' ({}), which this is not; validate it there, or give --recalibrate",
+      simulation.request().calibration_path, simulation.calibration().host_name,
+      simulation.calibration().cpu_model));
+}
+
 std::vector<ComparedPoint> compare_in_rounds(Simulation& simulation, const Topology& topology,
                                              unsigned rounds, bool is_warm,
                                              const std::function<void(const std::string&)>& tell) {
   const SimulationRequest& r = simulation.request();
-  if (!simulation.is_of_this_machine()) {
-    throw std::runtime_error(fmt::format(
-        "calibration '{}' is of machine '{}' ({}), which this is not; validate it there, "
-        "or give --recalibrate",
-        r.calibration_path, simulation.calibration().host_name, simulation.calibration().cpu_model));
-  }
+  require_this_machine(simulation);
   SweepRequest real;
   real.workloads = r.workloads;
   real.caches = r.caches;
@@ -194,7 +197,10 @@ Validation validation_of(const Simulation& simulation, std::span<const ComparedP
 Entry row_of(const ComparedPoint& compared, const Validation& outcome) {
   Entry row = compared.usual();
   auto& c = row.counters;
+  // By this validation, not by one that was there when the rounds were simulated.
   c["validated_to_threads"] = outcome.holds() ? outcome.threads : 0;
+  c.erase("validated_error");
+  if (outcome.holds() && compared.point.cores != 1) c["validated_error"] = compared.throughput_error();
   c["rounds"] = compared.measured.throughput.size();
   c["measured_items_per_second"] = median(compared.measured.throughput);
   c["measured_redundant_records"] = compared.measured.redundant_mean();

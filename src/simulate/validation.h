@@ -58,6 +58,9 @@ struct ComparedPoint {
 /// one unit: what one thread does is what the costs are from.
 std::vector<unsigned> validated_cores(const Topology& topology);
 
+/// Throws std::runtime_error if the calibration is another machine's.
+void require_this_machine(Simulation& simulation);
+
 /// Every point of the simulation in that many rounds and, unless it was just run, a first one that is cold and does not
 /// count; `tell` is told of each trial. The simulation's calibration takes on the costs of the moments in the middle.
 /// Throws std::runtime_error if the calibration is another machine's, InvalidTrial if a cache broke its contract.

@@ -130,10 +130,15 @@ Entry Preempt::run(const Point& point, unsigned repetition) {
   c["holds"] = held ? held->holds() : 0;
   c["held_ms"] = held ? 1e-6 * held->held_ns() : 0.0;
   c["found_between_operations"] = held ? held->missed() : 0;
-  // By the others' own time: with a thread that is held the trial as a whole takes longer in any case.
+  // While the others ran: with a thread that is held the trial as a whole takes longer in any case.
+  std::int64_t begin = o.threads.at(1).begin_ns, end = begin;
+  for (unsigned t = 1; t < request_.threads; ++t) {
+    begin = std::min(begin, o.threads[t].begin_ns);
+    end = std::max(end, o.threads[t].end_ns);
+  }
   c["others_operations_per_second"] = 1e9 *
-                                      static_cast<double>(o.query_ticks.count() + o.insert_ticks.count()) *
-                                      (request_.threads - 1) / others_ns;
+                                      static_cast<double>(o.query_ticks.count() + o.insert_ticks.count()) /
+                                      std::max(1.0, static_cast<double>(end - begin));
   c["stalled_share"] = std::min(1.0, stalled_ns / others_ns);
   add_latency(c, "query", o.query_ticks, tick_rate_);
   add_latency(c, "insert", o.insert_ticks, tick_rate_);

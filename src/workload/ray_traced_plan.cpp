@@ -37,7 +37,8 @@ Image irradiance_of(const RayTracer& rays, const PrimaryHits& primary, const Ima
   Image out = reflected;
   for (std::size_t i = 0; i < out.pixels.size(); ++i) {
     const Hit& hit = primary.hits[i];
-    const glm::vec3 albedo = reflects(rays, hit) ? rays.albedo(hit) : glm::vec3(0.0f);
+    const bool counts = reflects(rays, hit) && !primary.sees_through(i);
+    const glm::vec3 albedo = counts ? rays.albedo(hit) : glm::vec3(0.0f);
     for (int c = 0; c < 3; ++c)
       out.pixels[i][c] = albedo[c] > 0.0f ? std::numbers::pi_v<float> / albedo[c] * out.pixels[i][c] : 0.0f;
   }
@@ -157,6 +158,7 @@ TrialOutcome run_uncached_trial(const RayTracedPlan& plan, const TrialSetup& set
   TrialOutcome out;
   account_for(setup, times, end, out);
   out.merge_ns = end.wall_ns;
+  out.merge_cpu_ns = end.cpu_ns;
   out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
   out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
   out.rays = crew.rays();

@@ -13,6 +13,7 @@
 #include "harness/timeline.h"
 #include "scene/registry.h"
 #include "workload/names.h"
+#include "workload/stepped_cache.h"
 
 namespace icbench {
 namespace {
@@ -143,10 +144,29 @@ Sweep::Sweep(SweepRequest request, const Topology& topology)
     require_memory(fmt::format("workload '{}'", spec.name),
                    std::uint64_t{spec.width} * spec.height * kBytesPerPixel);
   }
+  for (std::size_t w = 0; w < request_.workloads.size(); ++w) require_room(w);
   if (points_in_all == 0) {
     throw std::runtime_error(
         "this sweep has no point: caches for a single thread run with --threads 1 only, those that cannot "
         "be tidied (icbench list caches) without layout=tidied only");
+  }
+}
+
+void Sweep::require_room(std::size_t workload) const {
+  const WorkloadSpec& spec = request_.workloads[workload];
+  if (spec.kind == WorkloadKind::trace || spec.kind == WorkloadKind::ray_traced) return;
+  std::map<const CacheEntry*, unsigned> most;  // threads
+  for (const SweepPoint& p : points(workload, 0)) most[p.cache] = std::max(most[p.cache], p.threads);
+  for (const auto& [cache, threads] : most) {
+    CacheConfig config = SyntheticPlan::config(spec, threads);
+    config.bounds = {glm::vec3(0.0f), glm::vec3(1.0f)};  // whatever they are
+    try {
+      const auto made = cache->stepped(config);
+      for (unsigned t = 0; t < threads; ++t) made->session(t);
+    } catch (const std::exception& e) {
+      throw std::runtime_error(fmt::format("workload '{}' with {} and {} threads: {}", spec.name,
+                                           cache->traits.name, threads, e.what()));
+    }
   }
 }
 
@@ -268,7 +288,7 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
   c["start_skew_ms"] = 1e-6 * o.start_skew_ns;
 
   if (point.cache != nullptr) {
-    c["queries"] = o.counts.queries;
+    c["queries"] = data.trace ? o.queries : o.counts.queries;
     c["hits"] = o.counts.hits;
     c["inserts"] = o.counts.inserted;
     c["records"] = o.records;

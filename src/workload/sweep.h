@@ -79,6 +79,8 @@ class Sweep {
   Entry run(const SweepPoint& point, unsigned repetition, Timeline* timeline = nullptr);
 
  private:
+  /// Throws std::runtime_error, with workload and cache, if one of its caches cannot be set up.
+  void require_room(std::size_t workload) const;
   struct SceneData;  // tracer of a scene
   struct ViewData;   // primary hits and reference of a scene and size
   struct PlanData;   // the plan of the workload in hand

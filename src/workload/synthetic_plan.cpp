@@ -164,13 +164,20 @@ Streams SyntheticPlan::streams(unsigned threads, std::uint64_t seed) const {
   return out;
 }
 
-CacheConfig SyntheticPlan::config(unsigned threads) const {
+CacheConfig SyntheticPlan::config(const WorkloadSpec& spec, unsigned threads) {
+  const std::uint64_t records = std::uint64_t{spec.prefilled()} + spec.inserts();
   CacheConfig config;
-  config.bounds = points_.bounds;
-  config.a_max = spec_.a;
-  config.a = spec_.a;
+  config.a_max = spec.a;
+  config.a = spec.a;
   config.max_sessions = threads;
-  config.capacity = capacity_for(records_.empty() ? spec_.operations : records_.size(), threads);
+  const bool is_miss_driven = spec.kind == WorkloadKind::miss_driven || records == 0;
+  config.capacity = capacity_for(is_miss_driven ? spec.operations : records, threads);
+  return config;
+}
+
+CacheConfig SyntheticPlan::config(unsigned threads) const {
+  CacheConfig config = SyntheticPlan::config(spec_, threads);
+  config.bounds = points_.bounds;
   return config;
 }
 

@@ -60,6 +60,8 @@ class SyntheticPlan {
 
   /// Configuration of a cache for `threads` threads, with room for every record that may come.
   CacheConfig config(unsigned threads) const;
+  /// The same but for the bounds, which no plan is needed for.
+  static CacheConfig config(const WorkloadSpec& spec, unsigned threads);
 
   /// What queries would answer if only the records stored beforehand were there, by a single thread.
   struct Answers {

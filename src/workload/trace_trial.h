@@ -135,6 +135,7 @@ TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup) {
     });
     const FrameEnd end = timed_end([&] { cache.end_frame(); });
     out.merge_ns += end.wall_ns;
+    out.merge_cpu_ns += end.cpu_ns;
     out.wall_ns += static_cast<double>(times.wall_ns()) + end.wall_ns;
     out.cpu_ns += static_cast<double>(times.cpu_ns()) + end.cpu_ns;
     out.start_skew_ns = std::max(out.start_skew_ns, static_cast<double>(times.start_skew_ns()));
@@ -174,6 +175,7 @@ TrialOutcome run_trace_trial(const TracePlan& plan, const TrialSetup& setup) {
     out.query_ticks.merge(worker->query_ticks);
     out.insert_ticks.merge(worker->insert_ticks);
     out.operations += worker->queries + worker->inserted + worker->refused;
+    out.queries += worker->queries;
     out.stand_ins += worker->stand_ins;
     out.checksum += worker->sum;
     if (kKeeps && out.error.empty() && worker->refused != 0)

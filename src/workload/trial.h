@@ -48,6 +48,7 @@ struct TrialOutcome {
 
   double wall_ns = 0.0;          ///< from the first thread's begin to the end of end_frame
   double merge_ns = 0.0;         ///< of that, end_frame
+  double merge_cpu_ns = 0.0;     ///< processor time of that, a part of cpu_ns
   double start_skew_ns = 0.0;    ///< from the first thread's begin to the last one's
   double cpu_ns = 0.0;           ///< processor time of the team
   std::uint64_t operations = 0;  ///< queries and inserts
@@ -56,8 +57,9 @@ struct TrialOutcome {
   std::size_t bytes = 0;      ///< the cache's memory at the end
   Histogram query_ticks;
   Histogram insert_ticks;
-  double checksum = 0.0;  ///< sum of the queries' answers; keeps the compiler from dropping them
-  TimeBreakdown time;     ///< total 0 where no accounts were given
+  double checksum = 0.0;            ///< sum of the queries' answers; keeps the compiler from dropping them
+  TimeBreakdown time;               ///< total 0 where no accounts were given
+  std::vector<ThreadTime> threads;  ///< when each began and ended, of trials in which they do so once
 
   // Ray-traced.
   RayCounts rays;
@@ -65,6 +67,7 @@ struct TrialOutcome {
          mean_ratio = 0.0;  ///< indirect radiance against the reference at the same hits
 
   // Of traces.
+  std::uint64_t queries = 0;    ///< the render's; counts have what was asked for its neighbours' sake, too
   std::uint64_t stand_ins = 0;  ///< records made where the render made none
   bool same_records = false;    ///< at the end of every frame, as in the render, bit for bit
 };
@@ -192,7 +195,9 @@ template <class Cache>
 TrialOutcome outcome_of(const Cache& cache, const TeamTimes& times, const FrameEnd& end) {
   TrialOutcome out;
   out.merge_ns = end.wall_ns;
+  out.merge_cpu_ns = end.cpu_ns;
   out.wall_ns = static_cast<double>(times.wall_ns()) + end.wall_ns;
+  out.threads = times.threads;
   out.cpu_ns = static_cast<double>(times.cpu_ns()) + end.cpu_ns;
   out.start_skew_ns = static_cast<double>(times.start_skew_ns());
   out.counts = cache.counters();
