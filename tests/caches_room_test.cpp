@@ -1,7 +1,10 @@
 // Room in a cache, and what it takes of memory.
 #include <sys/resource.h>
+#include <unistd.h>
 
+#include <fstream>
 #include <string_view>
+#include <vector>
 
 #include "cache_contract.h"
 
@@ -134,6 +137,27 @@ TEST_P(Room, RecordsThatTakeMoreThanThoseBesideThemFitAsWell) {
     ASSERT_EQ(insert(pile), InsertResult::inserted) << "pile " << pile;
   cache.end_frame();
   EXPECT_EQ(stored(cache).size(), kPiles * (kHeight + 1));
+}
+
+// Guards against: a large page for each pool of each session, of which nothing was used.
+TEST(MemoryBytes, EmptyCopiesOfManySessionsStayWithoutMemory) {
+  if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
+  const auto resident = [] {
+    std::ifstream file("/proc/self/statm");
+    std::size_t pages = 0, of_these = 0;
+    file >> pages >> of_these;
+    return of_these * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  };
+  for (const AnyCache::Maker& info : registered_caches()) {
+    if (info.traits.mechanism != "local_write") continue;
+    constexpr std::uint32_t kSessions = 32;
+    AnyCache cache(info, {.bounds = {{0, 0, 0}, {1, 1, 1}}, .capacity = 100'000, .max_sessions = kSessions});
+    std::vector<AnyCache::Session> sessions;
+    for (std::uint32_t i = 0; i < kSessions; ++i) sessions.push_back(cache.open_session(i));
+    const std::size_t before = resident();
+    cache.end_frame();
+    EXPECT_LT(resident(), before + (16u << 20)) << info.traits.name;
+  }
 }
 
 TEST(MemoryBytes, IncludeWhatAStructureTakesEmpty) {
