@@ -445,6 +445,20 @@ TEST(Calibration, ComesBackFromItsFileAndIsRefusedDamaged) {
   write_calibration(c, path);
   EXPECT_EQ(read_calibration(path)->to_json(), c.to_json());
   EXPECT_TRUE(read_calibration(path)->validation->holds());
+  // Another process's costs and validation stay.
+  Calibration before = c;
+  before.validation.reset();
+  before.costs["another"] = flat_costs(4.0, 5.0, 6.0);
+  add_costs(before, "another", path);
+  EXPECT_TRUE(read_calibration(path)->validation);
+  EXPECT_EQ(read_calibration(path)->costs.size(), 2u);
+  write_validated(c, path);
+  EXPECT_EQ(read_calibration(path)->costs.size(), 2u);
+  before.date = "another day";
+  add_costs(before, "another", path);
+  EXPECT_FALSE(read_calibration(path)->validation) << "it was of another measurement";
+  write_calibration(c, path);
+
   EXPECT_THROW(read_calibration((folder / "deep").string()), std::runtime_error);
   const std::string pipe = (folder / "pipe").string();
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);

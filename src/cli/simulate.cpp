@@ -137,7 +137,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
       fmt::format("{}\nby the costs that are kept, the middle of those of the moments: throughput {:.1f} %\n",
                   line, 100.0 * outcome.file_error);
   simulation.calibration().validation = outcome;
-  write_calibration(simulation.calibration(), simulation.request().calibration_path);
+  write_validated(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
   if (may_print_beside(o.out_or_default())) fmt::print("{}", table);
   if (!outcome.holds())

@@ -69,6 +69,13 @@ void make_folder_of(const std::string& path);
 /// Replaces the file; makes its folder. Throws std::runtime_error with one line.
 void write_calibration(const Calibration& calibration, const std::string& path);
 
+// Several processes may measure into one file; what another has written since `calibration` was read stays.
+
+/// Adds the costs of `key` to the file. Throws as write_calibration.
+void add_costs(const Calibration& calibration, const std::string& key, const std::string& path);
+/// Replaces the file, but for costs that `calibration` has not. Throws as write_calibration.
+void write_validated(Calibration calibration, const std::string& path);
+
 /// What waiting takes one thread; a few hundredths of a second.
 void measure_waits(WaitCosts& out);
 

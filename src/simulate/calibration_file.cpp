@@ -201,4 +201,32 @@ void write_calibration(const Calibration& calibration, const std::string& path) 
   write_json(path, calibration.to_json(), 1);
 }
 
+namespace {
+
+/// What is in the file, if it goes back to the same measurement of the machine.
+std::optional<Calibration> of_the_same(const Calibration& calibration, const std::string& path) {
+  try {
+    std::optional<Calibration> there = read_calibration(path);
+    const bool is_same = there && there->host_name == calibration.host_name &&
+                         there->cpu_model == calibration.cpu_model && there->date == calibration.date;
+    return is_same ? there : std::nullopt;
+  } catch (const std::runtime_error&) {
+    return std::nullopt;  // damaged meanwhile: replaced
+  }
+}
+
+}  // namespace
+
+void add_costs(const Calibration& calibration, const std::string& key, const std::string& path) {
+  Calibration all = of_the_same(calibration, path).value_or(calibration);
+  all.costs[key] = calibration.costs.at(key);
+  write_calibration(all, path);
+}
+
+void write_validated(Calibration calibration, const std::string& path) {
+  if (const auto there = of_the_same(calibration, path))
+    calibration.costs.insert(there->costs.begin(), there->costs.end());
+  write_calibration(calibration, path);
+}
+
 }  // namespace icbench

@@ -162,7 +162,7 @@ void Simulation::complete_calibration(const std::function<void(const std::string
       Teams& t = teams();
       calibration_.costs[key(point)] = calibrate_cache(*point.cache, plan_without_work(w), t.one, t.two.get(),
                                                        t.work, calibration_, request_.seed);
-      if (!request_.calibration_path.empty()) write_calibration(calibration_, request_.calibration_path);
+      if (!request_.calibration_path.empty()) add_costs(calibration_, key(point), request_.calibration_path);
     }
   }
 }
