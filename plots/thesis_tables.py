@@ -56,12 +56,12 @@ def _vpls(scene: dict) -> Cell:
 def vpl_numbers(measured: Measured) -> Grid:
     grid = Grid(
         "vpls", "Number of virtual point lights per scene",
-        "Chosen by quality, on the last frame: the smallest count from which on IGI's visible error against "
-        "path tracing stays within a tenth, or 0.1 percentage points, of that at the largest count. For "
-        "this its direct light is exchanged for that of as many samples as the reference has: the noise of "
-        "area lights, which all methods share, would hide what VPLs do. The number decides every ratio of "
-        "speeds, and is the same for all "
-        "methods. Beside it the accuracy of the caches, which extrapolate their records by gradients: per scene, "
+        "Chosen by quality, on the last frame: the smallest count from which on IGI's visible error against path "
+        "tracing stays within a tenth, or 0.1 percentage points, of that at the largest count (a tenth of what it "
+        "fell by, if that is less: where the reference's own noise holds all errors up). For this its direct light is "
+        "exchanged for that of as many samples as the reference has: the noise of area lights, which all methods "
+        "share, would hide what VPLs do. The number decides every ratio of speeds, and is the same for all methods. "
+        "Beside it the accuracy of the caches, which extrapolate their records by gradients: per scene, "
         "so coarse that it hardly shows.", [
             "scene", "VPLs", "accuracy", "IGI at that number, P > 75 %", "IGI at the largest", "largest",
             "seconds a frame there"

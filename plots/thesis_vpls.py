@@ -65,7 +65,8 @@ FIGURE = Figure(
     "thesis_vpls", "How many virtual point lights a scene needs",
     "Percent of pixels that a human would tell apart from a path-traced picture (HDR-VDP), for IGI over "
     "the number of virtual point lights. The dashed line is the number chosen for the scene: the smallest "
-    "from which on the error stays within a tenth, or 0.1 percentage points, of that at the largest. "
+    "from which on the error stays within a tenth, or 0.1 percentage points, of that at the largest (a tenth of what "
+    "it fell by, if that is less: where the reference's own noise holds all errors up). "
     "Direct light is exchanged for that of many samples, so that the noise of area lights does not hide "
     "what VPLs do. The number decides every speed ratio, and is the same for all methods.",
     build)

@@ -62,6 +62,9 @@ class Arithmetic(unittest.TestCase):
         # A count that is good by chance does not count when a larger one is bad.
         self.assertEqual(arithmetic.level_off([(64, 4.0), (128, 9.0), (256, 4.1), (512, 4.0)]), (256, True))
         self.assertEqual(arithmetic.level_off([(512, 4.0), (64, 9.0), (256, 8.0)]), (512, False))
+        # Noise of the reference, 50 here, is not what the error falls by.
+        noisy = [(64, 55.0), (128, 55.5), (256, 52.0), (512, 50.9), (1024, 50.5)]
+        self.assertEqual(arithmetic.level_off(noisy), (512, True))
         self.assertRaises(ValueError, arithmetic.level_off, [])
 
     def test_seconds_at_an_error_follow_a_power_law_exactly(self):

@@ -42,7 +42,7 @@ inline std::vector<Setting> judged_scenes() {
   std::vector<Setting> out;
   for (const Animation& a : kAnimations) out.push_back(a.setting);
   for (const Setting& still :
-       {Setting{"cornell_specular", 4096}, Setting{"cornell_indirect", 8192}, Setting{"office", 8192}})
+       {Setting{"cornell_specular", 8192}, Setting{"cornell_indirect", 8192}, Setting{"office", 8192}})
     out.push_back(still);
   return out;
 }

@@ -77,13 +77,15 @@ def worst(verdicts) -> str:
 
 
 # A figure has levelled off where it is no more than this above its value at the largest count.
-kLevelShare = 0.10  # of that value
+kLevelShare = 0.10  # of that value, or of what the figure fell by in all if that is less
 kLevelPoints = 0.10  # or percentage points, whichever is more
 
 
 def level_off(curve: list[tuple[int, float]]) -> tuple[int, bool]:
     """Where an error has levelled off: the smallest count such that it and every larger one measured lies
-    within max(kLevelShare of the largest count's error, kLevelPoints) above the largest count's error.
+    within max(kLevelShare of the largest count's error, kLevelPoints) above the largest count's error. Where the
+    reference's own noise holds all errors up, a share of that error would let any count pass: then it is kLevelShare
+    of what the error fell by from its largest.
 
     The flag tells whether that is below the largest count: else levelling off was not seen. Raises ValueError
     on an empty curve.
@@ -92,7 +94,8 @@ def level_off(curve: list[tuple[int, float]]) -> tuple[int, bool]:
         raise ValueError("a curve without points does not level off")
     ordered = sorted(curve)
     last_count, last = ordered[-1]
-    limit = last + max(kLevelShare * last, kLevelPoints)
+    fell = max(error for _, error in ordered) - last
+    limit = last + max(kLevelShare * min(last, fell), kLevelPoints)
     chosen = last_count
     for count, error in reversed(ordered):
         if error > limit + 1e-12:
