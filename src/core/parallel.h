@@ -2,8 +2,8 @@
 //
 // Plain threads on purpose, not oneTBB: ThreadSanitizer sees every edge of it (oneTBB's scheduler is a prebuilt library
 // and looks like a race), and a renderer that embeds a cache needs no task scheduler for it. POSIX ones, since
-// std::thread ends a program without exceptions where the system has no more threads. Starting a thread costs some ten microseconds, so callers choose a grain worth more than that; below two
-// grains nothing is started.
+// std::thread ends a program without exceptions where the system has no more threads. Starting a thread costs some ten
+// microseconds, so callers choose a grain worth more than that; below two grains nothing is started.
 #pragma once
 
 #include <pthread.h>
