@@ -42,8 +42,8 @@ struct CacheContent {
   std::string text;       ///< the same for people; its first kMostContentText bytes are kept
 };
 
-/// Writes the records that `for_each(f)` calls f(const Record&) for, in that order. `config` says where they fit: fails,
-/// and leaves what is there under that name, if some would not, so that the file could not be opened.
+/// Writes the records that `for_each(f)` calls f(const Record&) for, in that order. `config` says where they fit:
+/// fails, and leaves what is there under that name, if some would not, so that the file could not be opened.
 template <class ForEach>
 [[nodiscard]] Failure save_records(const std::string& path, const CacheConfig& config,
                                    const CacheContent& content, ForEach&& for_each) {

@@ -19,9 +19,9 @@
 // their records are tested one by one. No list grows but with what is valid at one point, as long as reaches are at
 // least 1 / 17,000 of the bounds' largest side (kPackedLevels; in wider bounds cells are larger than what is in them,
 // and in 100 km a query among records of 0.1 m reads thousands: give a cache the bounds of what it holds): its records,
-// of reach r, meet a cell of side s <= 2.1 r, so they lie in that cell widened by r, of side 4.1 r. On a surface nine squares of side
-// 1.37 r cover it, in space 64 cubes of side 1.03 r, each within r of its centre: so at one of these centres a ninth of
-// the records, a 64th in space, is valid for a_max, as far as distance goes.
+// of reach r, meet a cell of side s <= 2.1 r, so they lie in that cell widened by r, of side 4.1 r. On a surface nine
+// squares of side 1.37 r cover it, in space 64 cubes of side 1.03 r, each within r of its centre: so at one of these
+// centres a ninth of the records, a 64th in space, is valid for a_max, as far as distance goes.
 //
 // What an insert does, step by step, and what others see if it stops there for ever
 //

@@ -279,8 +279,8 @@ std::uint64_t count_of(const Structure& structure) {
   return live;
 }
 
-/// What update_records does to a record: what f says, but one that cannot be stored as f left it (is_storable) goes, and
-/// one at which f throws stays as it was.
+/// What update_records does to a record: what f says, but one that cannot be stored as f left it (is_storable) goes,
+/// and one at which f throws stays as it was.
 template <class F>
 auto keeping_storable(F& f, const Bounds& bounds) noexcept {
   return [&f, &bounds](Record& r) {
