@@ -23,6 +23,7 @@ class Trace(Case):
         for changes in (
                 {"integrator": "irradiance_cache", "spp": 2, "flags": ["--overture", "--leak-guard"]},
                 {"integrator": "irradiance_cache", "interpolation": "gradients", "scene": "cornell_specular"},
+                {"integrator": "irradiance_cache", "interpolation": "neighbour_clamping", "rays": 16},
                 {"integrator": "irradiance_cache", "interpolation": "occlusion_hessian", "rays": 64},
                 {"integrator": "irradiance_cache", "scene": "cornell_camera", "frames": 3},
                 {"integrator": "instant_caching", "vpls": 16, "frames": 3},
@@ -36,6 +37,16 @@ class Trace(Case):
                     self.assertIs(row["same_records"], True)
                     self.assertEqual(row["queries"], asked["queries"])
                     self.assertEqual((row["stand_ins"], row["redundant_records"]), (0, 0))
+
+    def test_results_name_the_trace_and_are_alone_on_standard_output(self):
+        hashes = set()
+        for size in "16x16", "24x16":
+            self.succeed(*small_capture(size=size, out="a.trace"))
+            replayed = json.loads(self.succeed("trace", "replay", "a.trace", "--repetitions", "1", "--json",
+                                               "/dev/stdout"))
+            json.loads(self.succeed("trace", "info", "a.trace", "--json", "/dev/stdout"))
+            hashes.add(replayed["context"]["configuration_hash"])
+        self.assertEqual(len(hashes), 2, "another trace under one name")
 
     def test_what_is_captured_is_the_render_that_would_have_been(self):
         for interpolation in "gradients", "occlusion_hessian":
@@ -300,6 +311,15 @@ class Simulate(Case):
                 self.assertAlmostEqual(row["items_per_second"] * row["real_time"] * 1e-3 / operations, 1)
         self.assertEqual(validation["errors"][f"{key} at 1 us a record"], rows[-1]["error_items_per_second"])
         self.assertEqual(validation["points"], validation["records_points"])
+
+    @unittest.skipIf(len(os.sched_getaffinity(0)) < 2, "needs two processing units")
+    def test_a_validation_by_another_machines_costs_leaves_earlier_results(self):
+        self.simulate(caches="packed_wait_free", cores="1")
+        costs = self.load("deep/costs.json")
+        (self.folder / "deep/costs.json").write_text(json.dumps(costs | {"host_name": "another"}), encoding="utf-8")
+        self.refuse("simulate", "--validate", "--caches", "packed_wait_free", "--workloads",
+                    "miss_driven:operations=2000", "--calibration", "deep/costs.json", "--out", "out.json",
+                    says=["another", "--recalibrate"])
 
     def test_options_of_validations_alone_and_of_others_are_named(self):
         given = dict(caches="packed_global_mutex", workloads="miss_driven:cost=1:operations=2000",
