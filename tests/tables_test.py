@@ -166,7 +166,8 @@ class Options(unittest.TestCase):
                     ["--threads", "1,1"], ["--threads", "9000"], ["--threads", ""], ["--accuracy", "nan"],
                     ["--accuracy", "0"], ["--scenes", "a,,b"], ["--keep-frames", "exr"], ["--rounds", "0"],
                     ["--wrong"], ["--qui"], ["--reference-spp", "129"], ["--reference-spp", "0"], ["stray"],
-                    ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"], ["--igi-every", "0"]):
+                    ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"], ["--igi-every", "0"],
+                    ["--vpls", "0"], ["--vpls", "65536"], ["--vpls", "64,64"], ["--vpls", "many"]):
             with self.subTest(bad), self.assertRaises(options.BadUsage) as caught:
                 options.parse(bad)
             self.assertNotIn("\n", str(caught.exception))
@@ -183,9 +184,17 @@ class Options(unittest.TestCase):
                               timeout=PATIENCE)
         self.assertEqual(done.returncode, 0)
         for option in ("--quick", "--resume", "--out", "--references", "--scenes", "--size", "--frames",
-                       "--rounds", "--threads", "--accuracy", "--igi-every", "--seed", "--keep-frames", "--icbench",
-                       "--no-install"):
+                       "--rounds", "--threads", "--accuracy", "--igi-every", "--vpls", "--seed", "--keep-frames",
+                       "--icbench", "--no-install"):
             self.assertIn(option, done.stdout)
+
+    def test_numbers_of_virtual_lights(self):
+        self.assertEqual(options.parse([]).scale.vpl_counts[-1], 16384)
+        few = options.parse(["--vpls", "512,64"]).scale
+        self.assertEqual((few.vpl_counts, few.converged_vpls), ((64, 512), 32768))
+        many = options.parse(["--vpls", "32768,16384"]).scale
+        self.assertEqual((many.vpl_counts, many.converged_vpls), ((16384, 32768), 65536))
+        self.assertEqual(options.parse(["--quick", "--vpls", "4096"]).scale.converged_vpls, 8192)
 
     def test_thread_counts(self):
         self.assertEqual(options.default_threads(2, "default"), (1, 2, 8))

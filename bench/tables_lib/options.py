@@ -19,6 +19,7 @@ from pathlib import Path
 
 kMaxSide = 16384
 kMaxThreads = 8192
+kMostChosenVpls = 32768  # half of what the program takes: converged IGI has twice as many
 
 
 class BadUsage(Exception):
@@ -148,6 +149,7 @@ def parse(arguments: list[str]) -> Settings:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--choose-vpls", action="store_true")
+    parser.add_argument("--vpls")
     parser.add_argument("--reference-spp")
     parser.add_argument("--out", default=str(root / "results" / "tables"))
     parser.add_argument("--references")
@@ -171,6 +173,10 @@ def parse(arguments: list[str]) -> Settings:
         changes["frames"] = _whole("--frames", given.frames, 2, 100000)
     if given.rounds is not None:
         changes["rounds"] = _whole("--rounds", given.rounds, 1, 1000)
+    if given.vpls is not None:
+        counts = sorted({_whole("--vpls", item, 1, kMostChosenVpls) for item in _items("--vpls", given.vpls)})
+        changes["vpl_counts"] = tuple(counts)
+        changes["converged_vpls"] = max(kScales[mode].converged_vpls, 2 * counts[-1])
     if given.reference_spp is not None:
         changes["reference_spp"] = _whole("--reference-spp", given.reference_spp, 2, 10**6)
         if changes["reference_spp"] % 2:  # two halves tell the reference's own error
