@@ -21,6 +21,8 @@ kIdentityKeys = (
     "compiler", "compiler_flags", "flags", "build_type", "library_build_type")
 # Entries of a configuration that must agree for files of one setup to be pooled: what rows are measured with.
 kMeasuringKeys = ("reference_spp", "latency_every", "breakdown")
+# Commands whose rows are trials of caches under workloads, each by itself; files that say nothing are taken.
+kCommands = (None, "sweep", "trace replay", "simulate")
 # Differences in these need no remark when files are pooled.
 kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
              "configuration", "configuration_hash", "resumed", "merged"}
@@ -51,6 +53,8 @@ class Setup:
     paths: list[Path]
     rows: pd.DataFrame  # measured ones
     remarks: list[str] = field(default_factory=list)
+    # Of workloads that replay a trace: what tells it from others of that name, and the file that says so.
+    traces: dict[str, tuple[str, str]] = field(default_factory=dict)
     # Rows of icbench simulate, never drawn as measured: of one virtual machine with one set of costs.
     simulated: pd.DataFrame = field(default_factory=pd.DataFrame)
     simulated_paths: list[Path] = field(default_factory=list)      # what they are from
@@ -335,6 +339,18 @@ def _require_same_measuring(setup: Setup, path: Path, context: dict) -> None:
                                  f"{earlier.name}; draw files of one setting at a time")
 
 
+def _require_same_traces(setup: Setup, path: Path, configuration: dict, entries: list) -> None:
+    """Raises InputError if a workload's trace is another one than in a file before, though its name is the same."""
+    traces = configuration.get("traces")
+    if configuration.get("command") == "trace replay":
+        traces = {entry.get("workload"): configuration.get("trace") for entry in entries}
+    for workload, trace in (traces if isinstance(traces, dict) else {}).items():
+        known, earlier = setup.traces.setdefault(workload, (trace, path.name))
+        if known != trace:
+            raise InputError(f"{path}: the trace of workload {workload} is another one than in {earlier}; draw files "
+                             "of one trace at a time")
+
+
 def load(paths) -> list[Setup]:
     """Reads results files and sorts them into setups (one machine, one build each).
 
@@ -348,12 +364,18 @@ def load(paths) -> list[Setup]:
             continue
         seen.add(os.path.realpath(path))
         context, entries = _read(path)
+        configuration = context.get("configuration")
+        configuration = configuration if isinstance(configuration, dict) else {}
+        if (command := configuration.get("command")) not in kCommands:
+            raise InputError(f"{path}: rows of icbench {command} are no trials by themselves; give results of icbench "
+                             "sweep (report.py takes up those of other commands beside a sweep's)")
         key = _identity(context, kIdentityKeys)
         if key not in groups:
             groups[key] = Setup("", "", context, [], [], pd.DataFrame())
             frames[key] = []
         setup = groups[key]
         _require_same_measuring(setup, path, context)
+        _require_same_traces(setup, path, configuration, entries)
         setup.contexts.append(context)
         setup.paths.append(path)
         frames[key].append(_tidy(entries, context, run, setup.remarks, path))

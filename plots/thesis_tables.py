@@ -1,6 +1,8 @@
 """The tables of bench/tables, ours beside the thesis's, as grids."""
 from __future__ import annotations
 
+from statistics import median
+
 import style
 from grid import Cell, Grid
 from thesis_results import kMechanisms, kTimed, Measured
@@ -9,7 +11,7 @@ kEmpty = Cell("–")
 kVerdicts = {
     "pass": "good", "fail": "bad", "undecided": "open", "skipped": "open", "seen": "good", "not seen": "bad"
 }
-kBounds = {"at_least": "≥ ", "at_most": "≤ "}
+kBounds = {"at_least": "≥ ", "at_most": "≤ ", "mixed": "≈ "}
 kRelations = {"at_least": "at least", "at_most": "at most"}
 
 
@@ -218,8 +220,9 @@ def equal_error(measured: Measured) -> Grid:
         f"TIC as in the tables, against IGI with {s['converged_vpls']:,} VPLs on the last "
         f"{style.plural(s['converged_frames'], 'frame')}. A rival's seconds for TIC's error are "
         "interpolated between its settings (logarithm of time over logarithm of error, along those that no "
-        "other beats in both); ≤ and ≥ mark bounds: that error lies outside what was measured, and nothing "
-        "is extrapolated. Ratios of steady frames, without TIC's first.",
+        "other beats in both); ≤ and ≥ mark bounds, in some of the frames at least: that error lies outside what "
+        "was measured, and nothing is extrapolated; ≈ has bounds of both kinds. Ratios of steady frames, without "
+        "TIC's first.",
         ["scene", "VPLs", "RMSE of TIC", "flicker", "seconds", "IGI / TIC", "interleaved / TIC", "IC / TIC",
          "hash cells / TIC"])
     for scene in measured.animations.values():
@@ -228,13 +231,12 @@ def equal_error(measured: Measured) -> Grid:
         if not target:
             grid.rows.append([Cell(scene["title"]), _vpls(scene), *[kEmpty] * 7])
             continue
-        middle = sorted(target["seconds"])[len(target["seconds"]) // 2]
         row = [
             Cell(scene["title"]),
             _vpls(scene),
             number(target["rmse"]),
             number(target["flicker"]),
-            number(middle)
+            number(median(target["seconds"]))
         ]
         for method in ("igi", "interleaved", "ic", "cells"):
             up = ups.get(method)
@@ -252,7 +254,7 @@ def mechanisms(measured: Measured, what: str, title: str) -> Grid:
     grid = Grid(
         f"mechanisms_{what}", title, "", ["scene", "base, frames/s", "mechanism", *3 * titles],
         groups=[("", 3), ("speed-up over the base", len(counts)),
-                ("lock waiting, of all threads' time", len(counts)),
+                ("lock waiting, of all threads' time in the indirect pass", len(counts)),
                 ("records beyond those of one thread", len(counts))], left=1)
     for scene in measured.scenes.values():
         table = scene["mechanisms"].get(what)
@@ -284,7 +286,8 @@ def memory(measured: Measured) -> Grid:
         "and VPL and 64 bytes a record. "
         "Of the records that a frame finds, those are kept that motion left valid, updated where "
         "visibilities were traced anew, and "
-        "dropped on surfaces that moved. Sums over all frames but the first.", [
+        "dropped on surfaces that moved. All frames but the first: sums, and of shadow rays means of those that "
+        "each method rendered.", [
             "scene", "VPLs", "records", "bytes a record", "allowed", "verdict", "kept", "updated", "dropped",
             "light paths retraced", "shadow rays, TIC / IC", "TIC / IGI"
         ], groups=[("", 3), ("beside the cache", 3), ("records", 3), ("work", 3)])
@@ -292,7 +295,7 @@ def memory(measured: Measured) -> Grid:
         m = scene["memory"]
         if not m:
             continue
-        work, rays = m["work_after_first"], m["shadow_rays_after_first"]
+        work, rays = m["work_after_first"], m["shadow_rays_per_frame_after_first"]
         total = sum(work[k] for k in ("records_kept", "records_updated", "records_dropped"))
         found = next((t for t in measured.data["targets"] if t["name"] == f"memory/{name}"), None)
         grid.rows.append([
@@ -305,7 +308,8 @@ def memory(measured: Measured) -> Grid:
             *(Cell(f"{100 * work[k] / total:.1f} %") if total else kEmpty
               for k in ("records_kept", "records_updated", "records_dropped")),
             Cell(f"{100 * work['light_paths_retraced'] / work['light_paths']:.1f} %") if work["light_paths"]
-            else kEmpty, *(number(rays["tic"] / rays[m_]) if rays.get(m_) else kEmpty for m_ in ("ic", "igi"))
+            else kEmpty, *(number(rays["tic"] / rays[m_]) if rays["tic"] is not None and rays[m_] else kEmpty
+                           for m_ in ("ic", "igi"))
         ])
     return grid
 

@@ -16,7 +16,7 @@ import unittest
 import numpy as np
 from scipy import stats
 
-from plots_models import kFewWorkloads, kPlots, few_caches, model_caches, model_results
+from plots_models import kFewWorkloads, kPlots, kRoot, few_caches, model_caches, model_results
 from plots_support import InFolder, read_csv, run, run_afresh, write_results
 
 import contention_map
@@ -297,6 +297,27 @@ class Machines(InFolder):
             with self.assertRaisesRegex(results.InputError, f"{name} is {other} here and .* in a.json"):
                 results.load([plain, sweep("b.json", **{name: other})])
 
+    def test_traces_of_one_name_that_differ_are_not_pooled(self):
+        def swept(name, trace):
+            return self.results(name, configuration={"command": "sweep", "traces": {"trace:file=a.trace": trace}})
+
+        def replayed(name, trace):
+            data = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 2), errors=False,
+                                 configuration={"command": "trace replay", "trace": trace})
+            for row in data["benchmarks"]:
+                row["workload"] = "trace:file=a.trace"
+            return write_results(self.folder / name, data)
+
+        for make in swept, replayed:
+            self.assertEqual(len(results.load([make("a.json", "1f"), make("b.json", "1f")])), 1)
+            with self.assertRaisesRegex(results.InputError, "trace:file=a.trace is another one than in a.json"):
+                results.load([make("a.json", "1f"), make("b.json", "2f")])
+
+    def test_trials_with_a_thread_that_is_held_are_none_of_a_sweep(self):
+        for command in "preempt", "repeatability":
+            with self.assertRaisesRegex(results.InputError, f"rows of icbench {command} are no trials by themselves"):
+                results.load([self.results("a.json"), self.results("b.json", configuration={"command": command})])
+
     def test_the_same_rows_count_once(self):
         first = self.results("a.json")
         copy = self.folder / "b.json"
@@ -319,6 +340,11 @@ class WrongInput(InFolder):
                               capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 2)
         self.assertRegex(done.stderr, r"^[^\n]*no module matplotlib; [^\n]+\n$")
+
+    def test_the_program_that_times_the_page_starts(self):
+        done = subprocess.run([sys.executable, "-B", str(kRoot / "bench/report_opening"), "--help"],
+                              capture_output=True, text=True, check=False)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
 
     def refused(self, script, *arguments):
         done = run(script, *arguments)

@@ -6,6 +6,7 @@ Needs a Python with the plotting libraries.
 """
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import random
@@ -93,11 +94,43 @@ class WholeRun(Case):
         self.assertAlmostEqual(box["time"]["methods"]["igi"]["seconds_indirect"]["median"], series["igi"][0])
         self.assertIsNone(box["over_frames"]["tic"]["flicker"])
         self.assertGreater(box["over_frames"]["tic"]["rmse"], 0)
+        rays = box["memory"]["shadow_rays_per_frame_after_first"]
+        self.assertAlmostEqual(rays["tic"], rays["igi"])
         for method, count in ("igi", 3), ("interleaved", 3), ("tic", 5):
             frames = (self.out / "animations" / "cornell_box" / method).glob("frame_*.png")
             self.assertEqual(len(list(frames)), count, method)
         self.page()
         self.assertIn("rendered the first of every 3 frames and the last", (self.out / "tables.md").read_text())
+        # Frames of earlier settings are none of the later ones'.
+        self.assertEqual(self.start("--scenes", "cornell_box", "--frames", "5", "--igi-every", "4", "--keep-frames", "png",
+                                    "--resume").returncode, 0)
+        frames = (self.out / "animations" / "cornell_box" / "igi").glob("frame_*.png")
+        self.assertEqual(sorted(frame.name for frame in frames), ["frame_0000.png", "frame_0004.png"])
+
+    def test_what_is_finished_is_not_rendered_again(self):
+        run = ("--scenes", "cornell_box,office", "--rounds", "1", "--resume")
+        self.assertEqual(self.start(*run).returncode, 0)
+        numbers = self.numbers()
+        done = self.start(*run, FAKE_FAIL=" --json ")
+        self.assertEqual((done.returncode, "failed" in done.stderr), (0, False), done.stderr)
+        self.assertEqual(json.dumps(self.numbers()), json.dumps(numbers))
+        # Where a picture has to be made again and cannot, the other scene goes on.
+        (self.out / "pictures" / "cornell_box" / "tic.png").unlink()
+        done = self.start(*run, FAKE_FAIL="animate --scene cornell_box")
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual([failure["job"] for failure in self.tables()["failures"]], ["pictures"])
+        self.assertIn("pictures", self.tables()["scenes"]["office"])
+
+    def test_times_of_another_machine_are_not_used(self):
+        run = ("--scenes", "office", "--rounds", "1")
+        self.assertEqual(self.start(*run).returncode, 0)
+        before = self.finished()
+        with mock.patch("main.identity_of_machine", lambda: "another"):
+            done = self.start(*run, "--resume")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("finished jobs of another program or machine", done.stderr)
+        self.assertIsNone(self.tables()["scenes"]["office"]["reference"]["seconds"])
+        self.assertGreater(len(self.finished()), len(before) + 5)
 
     def page(self):
         done = subprocess.run([sys.executable, ROOT / "plots" / "thesis_page.py", self.out / "tables.json"],
@@ -243,6 +276,15 @@ class Failures(Case):
         measured = self.tables()
         self.assertIsNone(measured["scenes"]["bunnies_1"]["vpls"]["chosen"])
         self.assertIsNotNone(measured["scenes"]["office"]["quality"]["tic_igi"])
+
+    def test_references_are_made_by_one_run_at_a_time(self):
+        references = self.folder / "shared"
+        references.mkdir()
+        with open(references / ".lock", "w", encoding="utf-8") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            done = self.start("--scenes", "office", "--references", str(references))
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"\A[^\n]*another run is writing to '[^\n]*shared'[^\n]*--references\n\Z")
 
     def test_finished_jobs_are_not_overwritten_unasked(self):
         (self.out / "jobs" / "office" / "job").mkdir(parents=True)

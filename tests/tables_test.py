@@ -167,7 +167,8 @@ class Options(unittest.TestCase):
                     ["--accuracy", "0"], ["--scenes", "a,,b"], ["--keep-frames", "exr"], ["--rounds", "0"],
                     ["--wrong"], ["--qui"], ["--reference-spp", "129"], ["--reference-spp", "0"], ["stray"],
                     ["--out"], ["--out", "/dev/null/folder"], ["--seed", "-1"], ["--igi-every", "0"],
-                    ["--vpls", "0"], ["--vpls", "65536"], ["--vpls", "64,64"], ["--vpls", "many"]):
+                    ["--vpls", "0"], ["--vpls", "65536"], ["--vpls", "64,64"], ["--vpls", "many"], ["--out", ""],
+                    ["--references", ""], ["--scenes", ""], ["--accuracy", ""], ["--out", "a\udcff"]):
             with self.subTest(bad), self.assertRaises(options.BadUsage) as caught:
                 options.parse(bad)
             self.assertNotIn("\n", str(caught.exception))

@@ -1,9 +1,9 @@
 """Jobs of bench/tables: one run of the program each, cached on disk.
 
-A job has an identity: its command line, the build that ran it, and the identities of the jobs whose files it
-reads. It runs in a scratch folder, and the rename of that folder to its final name is what completes it: so a
-job that is there is whole, at whatever moment the run was killed. job.json in it holds the identity and what
-the program said.
+A job has an identity: its command line, the program and the machine that ran it, and the identities of the jobs
+whose files it reads. It runs in a scratch folder, and the rename of that folder to its final name is what
+completes it: so a job that is there is whole, at whatever moment the run was killed. job.json in it holds the
+identity and what the program said.
 
 Large files of a finished job (frames) may be dropped; they are made again if a later job needs them.
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -56,11 +57,12 @@ class Job:
 
 
 class Store:
-    """The finished jobs of an output folder. `build` identifies the program; `fingerprints` the looks of
-    scenes, without which there are no references.
+    """The finished jobs of an output folder. `build` identifies the program, `machine` what it runs on;
+    `fingerprints` the looks of scenes, without which there are no references.
     """
-    def __init__(self, icbench: Path, folder: Path, references: Path, build: str):
-        self.icbench, self.folder, self.references, self.build = icbench, folder, references, build
+    def __init__(self, icbench: Path, folder: Path, references: Path, build: str, machine: str = ""):
+        self.icbench, self.folder, self.references = icbench, folder, references
+        self.build, self.machine = build, machine
         self.fingerprints: dict[str, str] = {}
         self._records: dict[str, dict] = {}
         self._identities: dict[Job, str] = {}
@@ -69,7 +71,8 @@ class Store:
         if job not in self._identities:
             parts = [
                 list(job.arguments), job.repetition,
-                self.fingerprints[job.scene] if job.is_reference else [self.build, self.fingerprints.get(job.scene)],
+                self.fingerprints[job.scene]
+                if job.is_reference else [self.build, self.machine, self.fingerprints.get(job.scene)],
                 [[i.name, self.identity(i.job), i.path] for i in job.inputs]
             ]
             self._identities[job] = hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
@@ -78,8 +81,7 @@ class Store:
     def place(self, job: Job) -> Path:
         words = "-".join(job.kind.replace(",", "_").split())
         root = self.references if job.is_reference else self.folder
-        scene = "".join(c if c.isalnum() or c in "_-." else "-" for c in job.scene).lstrip(".")
-        return root / scene / f"{words}-{self.identity(job)}"
+        return root / folder_of(job.scene) / f"{words}-{self.identity(job)}"
 
     def record(self, job: Job) -> dict | None:
         """What job.json says, or None if the job is not finished. A damaged record counts as unfinished."""
@@ -94,6 +96,24 @@ class Store:
                 return None
             self._records[key] = record
         return self._records[key]
+
+    def seconds(self, job: Job) -> float | None:
+        """What the program took, as it says, if it was this one on this machine: references may be others'."""
+        record = self.record(job)
+        if not record or (record.get("build"), record.get("machine")) != (self.build, self.machine):
+            return None
+        return record["result"].get("seconds")
+
+    def foreign(self) -> int:
+        """Finished jobs in the folder that another program made, or this one on another machine."""
+        count = 0
+        for path in self.folder.glob(f"*/*/{kRecord}"):
+            try:
+                record = json.loads(path.read_text(encoding="utf-8"))
+                count += (record.get("build"), record.get("machine")) != (self.build, self.machine)
+            except (OSError, ValueError, AttributeError):
+                continue
+        return count
 
     def result(self, job: Job) -> dict | None:
         record = self.record(job)
@@ -144,8 +164,8 @@ class Store:
                 raise JobFailed(f"{self.command(job)}: wrote no {name}")
         record = {
             "identity": self.identity(job), "scene": job.scene, "label": job.label, "kind": job.kind,
-            "command": self.command(job), "build": self.build, "seconds": seconds, "guess": job.guess,
-            "result": result
+            "command": self.command(job), "build": self.build, "machine": self.machine, "seconds": seconds,
+            "guess": job.guess, "result": result
         }
         with open(scratch / kRecord, "w", encoding="utf-8") as file:
             json.dump(record, file, indent=1)
@@ -205,8 +225,27 @@ def sweep_scratch(folder: Path) -> None:
         shutil.rmtree(left, ignore_errors=True)
 
 
+def folder_of(scene: str) -> str:
+    """The name of a scene's folder. Files of one name have folders of their own."""
+    words = "".join(c if c.isalnum() or c in "_-." else "-" for c in Path(scene).name).lstrip(".")
+    return words if words == scene else f"{words}-{hashlib.sha256(os.fsencode(scene)).hexdigest()[:8]}"
+
+
+def identity_of_machine() -> str:
+    """What times depend on beside the program: host, processor, and how many units this process may use."""
+    return f"{platform.node()}, {cpu_model()}, {len(os.sched_getaffinity(0))} processing units"
+
+
+def cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+
+
 def identity_of_program(icbench: Path) -> str:
-    """Version, commit and compiler of the program; with its bytes' hash where the commit does not say all.
+    """Version, commit and compiler of the program, and its bytes' hash: flags and changes are in no version.
 
     Raises JobFailed if it cannot be run.
     """
@@ -219,6 +258,4 @@ def identity_of_program(icbench: Path) -> str:
     if done.returncode != 0 or not version:
         raise JobFailed(
             f"{icbench} --version: status {done.returncode}; build it, or name another with --icbench")
-    if "with changes" in version or "commit" not in version:
-        version += f", program {hashlib.sha256(icbench.read_bytes()).hexdigest()[:12]}"
-    return version
+    return f"{version}, program {hashlib.sha256(icbench.read_bytes()).hexdigest()[:12]}"

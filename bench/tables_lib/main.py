@@ -22,7 +22,8 @@ from pathlib import Path
 import options
 import pictures
 from claims import claims, targets
-from jobs import JobFailed, Store, SpaceEnded, identity_of_program, sweep_scratch
+from jobs import (JobFailed, Store, SpaceEnded, cpu_model, folder_of, identity_of_machine, identity_of_program,
+                  sweep_scratch)
 from options import BadUsage, Settings
 from plan import Plan, Planner
 from progress import Progress, clock
@@ -30,6 +31,7 @@ from tables import choose_vpls, method_titles, scene_tables
 from thesis import kAnimations, kIndirectTimes, kPerceived, kSource, kStills, kWholeFrameRange
 
 kSchema = 2
+kMade = ".made.json"  # which pictures of a scene there are, and what of
 kProbe = ("--integrator", "path", "--size", "48x36", "--spp", "4", "--seed", "1", "--out", "probe.exr")
 
 
@@ -52,7 +54,7 @@ class Run:
         self.scenes, self.absent = self._scenes()
         self.planner = Planner(settings, {name: e["accuracy"] for name, e in self.known.items()})
         self.store = Store(settings.icbench, settings.out / "jobs", settings.references,
-                           identity_of_program(settings.icbench))
+                           identity_of_program(settings.icbench), identity_of_machine())
         self.failures: list[dict] = []
         self.broken: set[str] = set()  # identities of jobs that failed or read files of such
         self.done: dict[str, dict] = {}
@@ -144,7 +146,7 @@ class Run:
         self.done[plan.scene] = scene_tables(self.store, plan, self.settings, description)
         try:
             self.done[plan.scene]["pictures"] = self._pictures(plan)
-        except (OSError, pictures.PictureError) as error:
+        except (JobFailed, OSError, pictures.PictureError) as error:
             self._failed(plan.scene, "pictures", f"{plan.scene}: {error}")
         self.write(False)
         # Frames are large; whatever a later job needs of them is made again.
@@ -176,9 +178,12 @@ class Run:
         out, last = self.settings.out, self.planner.last(plan.is_animation)
         if self.store.result(plan.reference) is None:
             return {}
+        folder = out / "pictures" / folder_of(plan.scene)
+        source = self._source_of_pictures(plan)
+        if (earlier := self._pictures_made(folder, source)) is not None:
+            return earlier
         reference = pictures.read(self.store.place(plan.reference) / "picture.exr")
         exposure = pictures.exposure_of(reference)
-        folder = out / "pictures" / self.store.place(plan.reference).parent.name
         made = {"exposure": exposure}
 
         def keep(name: str, picture, scale: float) -> None:
@@ -200,7 +205,25 @@ class Run:
             if job and self.store.result(job) is not None:
                 self.store.ensure(job, files=True)
                 made.update(self._map(name, self.store.place(job) / "maps", folder))
+        (folder / kMade).write_text(json.dumps({"source": source, "pictures": made}), encoding="utf-8")
         return made
+
+    def _source_of_pictures(self, plan: Plan) -> list:
+        """All that a scene's pictures follow from."""
+        jobs = [plan.reference, *plan.frames.values(), *plan.quality.values()]
+        return [[self.store.identity(job) for job in jobs if job and self.store.result(job) is not None],
+                self.settings.keep_png, self.settings.scale.preview_side]
+
+    def _pictures_made(self, folder: Path, source: list) -> dict | None:
+        """What an earlier run made of the same, if it is all there: their frames were dropped."""
+        try:
+            made = json.loads((folder / kMade).read_text(encoding="utf-8"))
+            if made["source"] != source:
+                return None
+            files = [self.settings.out / name for name in made["pictures"].values() if isinstance(name, str)]
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+        return made["pictures"] if all(file.is_file() for file in files) else None
 
     def _map(self, name: str, maps: Path, folder: Path) -> dict:
         """The false-colour map of HDR-VDP, as the program painted it."""
@@ -212,13 +235,15 @@ class Run:
         return {f"hdrvdp_{name}": str(path.relative_to(self.settings.out))}
 
     def _frames(self, plan: Plan, method: str, source: Path, exposure: float, made: dict) -> None:
-        folder = self.settings.out / "animations" / self.store.place(plan.reference).parent.name
+        folder = self.settings.out / "animations" / folder_of(plan.scene)
         frames = [source / pictures.frame_name(f) for f in self.planner.frames(method)]
         preview = folder / f"{method}.webp"
         if method in ("tic", "igi"):
             pictures.write_preview(frames, exposure, self.settings.scale.preview_side, preview)
             made[f"animation_{method}"] = str(preview.relative_to(self.settings.out))
         if self.settings.keep_png:
+            for earlier in (folder / method).glob("frame_*.png"):  # of other frames, perhaps
+                earlier.unlink()
             for frame in frames:
                 pictures.write_image(pictures.tone_mapped(pictures.read(frame), exposure),
                                      folder / method / f"{frame.stem}.png")
@@ -249,20 +274,10 @@ class Run:
 
 
 def _machine() -> dict:
-    model = next(
-        (line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")),
-        platform.machine())
     return {
-        "cpu": model, "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
+        "cpu": cpu_model(), "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
         "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
     }
-
-
-def _lines(path: str) -> list[str]:
-    try:
-        return Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return []
 
 
 def _is_complete(tables: Path) -> bool:
@@ -272,19 +287,28 @@ def _is_complete(tables: Path) -> bool:
         return False
 
 
-def _prepare(settings: Settings) -> int:
-    """Makes the output folder and locks it for this process; returns the lock. Raises BadUsage."""
+def _locked(folder: Path, option: str) -> int:
+    """A lock on a folder for this process. Raises BadUsage if another has it, OSError."""
+    lock = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(lock)
+        raise BadUsage(f"another run is writing to '{folder}'; wait for it or choose another {option}") from None
+    return lock
+
+
+def _prepare(settings: Settings) -> list[int]:
+    """Makes the output folder and locks it for this process; returns the locks. Raises BadUsage."""
     try:
         settings.out.mkdir(parents=True, exist_ok=True)
         settings.references.mkdir(parents=True, exist_ok=True)
-        lock = os.open(settings.out / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+        locks = [_locked(settings.out, "--out")]
+        # Two runs would sweep away one another's references under way.
+        if settings.references != settings.out:
+            locks.append(_locked(settings.references, "--references"))
     except OSError as error:
         raise BadUsage(f"--out: {error.filename}: {error.strerror}; choose another folder") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        raise BadUsage(
-            f"another run is writing to '{settings.out}'; wait for it or choose another --out") from None
     finished = len(list((settings.out / "jobs").glob("*/*/job.json")))
     if finished and not settings.resume:
         raise BadUsage(
@@ -295,14 +319,17 @@ def _prepare(settings: Settings) -> int:
                        "another --out")
     sweep_scratch(settings.out / "jobs")
     sweep_scratch(settings.references)
-    return lock
+    return locks
 
 
 def work(settings: Settings) -> int:
     run = Run(settings)
-    lock = _prepare(settings)
+    locks = _prepare(settings)
     start = time.monotonic()
     try:
+        if foreign := run.store.foreign():
+            say(f"{foreign} finished job{'' if foreign == 1 else 's'} of another program or machine in "
+                f"'{settings.out}' {'is' if foreign == 1 else 'are'} not used")
         if run.absent:
             say(f"not in this program: {', '.join(run.absent)}")
         plans, progress = run.start()
@@ -311,7 +338,8 @@ def work(settings: Settings) -> int:
         progress.wipe()
         path = run.write(not settings.only_vpls)
     finally:
-        os.close(lock)
+        for lock in locks:
+            os.close(lock)
     for failure in run.failures:
         say(f"failed, {failure['scene']}, {failure['job']}: {failure['error']}")
     count = len(run.done)

@@ -131,9 +131,15 @@ def _accuracy(text: str) -> float:
     return value
 
 
-def _writable(option: str, folder: Path) -> Path:
+def _writable(option: str, name: str) -> Path:
     """The folder's full path. Throws if it cannot be made or written; makes nothing."""
-    folder = Path(os.path.abspath(folder))
+    if not name:
+        raise BadUsage(f"{option} names no folder")
+    folder = Path(os.path.abspath(name))
+    try:
+        str(folder).encode("utf-8")
+    except UnicodeEncodeError:
+        raise BadUsage(f"{option}: the folder's name is no UTF-8 text; choose another folder") from None
     above = folder
     while not above.exists() and above != above.parent:
         above = above.parent
@@ -153,7 +159,7 @@ def parse(arguments: list[str]) -> Settings:
     parser.add_argument("--reference-spp")
     parser.add_argument("--out", default=str(root / "results" / "tables"))
     parser.add_argument("--references")
-    parser.add_argument("--scenes", default="")
+    parser.add_argument("--scenes")
     parser.add_argument("--size")
     parser.add_argument("--frames")
     parser.add_argument("--rounds")
@@ -182,17 +188,21 @@ def parse(arguments: list[str]) -> Settings:
         if changes["reference_spp"] % 2:  # two halves tell the reference's own error
             raise BadUsage(f"--reference-spp '{given.reference_spp}' is odd; give an even number")
     scale = Scale(**{**kScales[mode].__dict__, **changes})
-    few = {name: min(getattr(scale, name), scale.frames) for name in ("converged_frames", "mechanism_frames")}
+    # The first frame, in which temporal instant caching has nothing to keep, is no converged one.
+    few = {"converged_frames": min(scale.converged_frames, scale.frames - 1),
+           "mechanism_frames": min(scale.mechanism_frames, scale.frames)}
     scale = Scale(**{**scale.__dict__, **few})
     threads = default_threads(units(), mode)
     if given.threads is not None:
         threads = tuple(
             sorted(_whole("--threads", item, 1, kMaxThreads) for item in _items("--threads", given.threads)))
-    out = _writable("--out", Path(given.out))
-    references = _writable("--references", Path(given.references)) if given.references else out / "references"
+    out = _writable("--out", given.out)
+    references = out / "references"
+    if given.references is not None:
+        references = _writable("--references", given.references)
     return Settings(mode, scale, out, references,
-                    tuple(_items("--scenes", given.scenes)) if given.scenes else (), threads,
-                    _accuracy(given.accuracy) if given.accuracy else None,
+                    tuple(_items("--scenes", given.scenes)) if given.scenes is not None else (), threads,
+                    _accuracy(given.accuracy) if given.accuracy is not None else None,
                     _whole("--igi-every", given.igi_every, 1, 100000),
                     _whole("--seed", given.seed, 0, 10**9 - 1), given.resume, given.choose_vpls,
                     given.keep_frames == "png",

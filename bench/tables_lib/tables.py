@@ -150,8 +150,9 @@ def at_equal_error(points: list[dict], method: str, ours: dict) -> dict | None:
             found.append((at[0] / seconds, at[1]))
     if not found:
         return None
-    bounds = {bound for _, bound in found}
-    bound = bounds.pop() if len(bounds) == 1 else "mixed"
+    # A bound in one frame makes the median one, as far as it goes.
+    bounds = {bound for _, bound in found} - {"is"}
+    bound = "is" if not bounds else bounds.pop() if len(bounds) == 1 else "mixed"
     return {"ratio": interval_of(ratio for ratio, _ in found), "bound": bound}
 
 
@@ -207,7 +208,9 @@ def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
         return None
     result = results[0]
     later = _frames(result)[1:]
-    records, beside = _get(result, "records"), _get(result, "bytes_beside_cache")
+    # Memory is of the most records there were: what fewer leave is kept for more.
+    counts = [n for n in (_get(f, "records") for f in _frames(result)) if n is not None]
+    records, beside = max(counts, default=_get(result, "records")), _get(result, "bytes_beside_cache")
     details = _get(result, "bytes_of_details") or 0
     extra = beside - details if beside is not None else None
     allowed = (_get(result, "vpls_in_use") or plan.vpls) / 8 + 64
@@ -216,14 +219,15 @@ def _memory(store: Store, plan: Plan, rounds: int) -> dict | None:
         for key in ("records_kept", "records_updated", "records_dropped", "light_paths",
                     "light_paths_retraced", "shadow_rays")
     }
-    rivals = {m: store.result(plan.timing[m, 0]) for m in ("ic", "igi")}
-    rays = {m: sum(_get(f, "shadow_rays") or 0 for f in _frames(r)[1:]) for m, r in rivals.items() if r}
+    # IGI may have rendered only some of the frames.
+    rays = {"tic": result, **{m: store.result(plan.timing[m, 0]) for m in ("ic", "igi")}}
+    rays = {m: _per_frame(r, "shadow_rays", 1) for m, r in rays.items()}
     return {
         "records": records, "bytes_beside_cache": beside, "bytes_of_details": details, "vpls": plan.vpls,
         "bytes_per_record": extra / records if records and extra is not None else None,
         "allowed_bytes_per_record": allowed,
         "share_of_allowed": exact(extra / records / allowed if records and extra is not None else None),
-        "work_after_first": sums, "shadow_rays_after_first": {"tic": sums["shadow_rays"], **rays}
+        "work_after_first": sums, "shadow_rays_per_frame_after_first": rays
     }
 
 
@@ -233,8 +237,8 @@ def _title(scene: str) -> str:
 
 
 def _mean_seconds(jobs: list[Job], store: Store) -> float | None:
-    """Seconds of a reference, both halves together."""
-    seconds = [_get(store.result(job), "seconds") for job in jobs]
+    """Seconds of a reference, both halves together; None if another program or machine made it."""
+    seconds = [store.seconds(job) for job in jobs]
     return sum(seconds) if None not in seconds else None
 
 
