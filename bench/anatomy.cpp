@@ -275,8 +275,8 @@ void measure_memory(const Options& o, ResultsWriter& results) {
               Json{{"block_bytes", bytes}, {"ns_per_load", ns.back()}});
     }
     if (chase.at() >= bytes) throw std::runtime_error("a chase through memory has left it");
-    fmt::print("{:<10} {:<18} {:>9.1f} ns a load\n", "memory", fmt::format("{} MiB", bytes >> 20),
-               median(ns));
+    fmt::print(tables_stream(o.out), "{:<10} {:<18} {:>9.1f} ns a load\n", "memory",
+               fmt::format("{} MiB", bytes >> 20), median(ns));
   }
 }
 
@@ -293,11 +293,12 @@ void measure_roofs(const Options& o, ResultsWriter& results) {
             kRoofInstructions, Json{{"instructions_per_ns", instructions.back()}});
   }
   if (loads.sum() == 0) throw std::runtime_error("loads from memory found nothing");
-  fmt::print("{:<10} {:<18} {:>9.3f} a ns\n{:<10} {:<18} {:>9.2f} a ns\n", "roof", "lines", median(lines),
-             "roof", "instructions", median(instructions));
+  fmt::print(tables_stream(o.out), "{:<10} {:<18} {:>9.3f} a ns\n{:<10} {:<18} {:>9.2f} a ns\n", "roof",
+             "lines", median(lines), "roof", "instructions", median(instructions));
 }
 
 void run(const Options& o, const std::vector<std::string>& command_line) {
+  require_apart({{"--out", o.out}}, {{"--scene", o.scene}});
   const Topology topology = Topology::of_this_process();
   RunInfo info;
   info.command_line = command_line;
@@ -319,8 +320,8 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
   measure_memory(o, results);
   measure_roofs(o, results);
   progress.advance(1.0, "memory");
-  fmt::print("{:<10} {:<18} {:>9} {:>12} {:>8} {:>14}\n", "points", "structure", "ns/query", "cache lines",
-             "tested", "records read");
+  fmt::print(tables_stream(o.out), "{:<10} {:<18} {:>9} {:>12} {:>8} {:>14}\n", "points", "structure",
+             "ns/query", "cache lines", "tested", "records read");
   for (const Order& order : kOrders) {
     const SyntheticPlan plan = order.plan(o, rays);
     const std::size_t example = usual_point(plan);
@@ -370,8 +371,9 @@ void run(const Options& o, const std::vector<std::string>& command_line) {
         return at == read.end() ? std::string("-")
                                 : fmt::format("{:.1f}", at->second.at(field).get<double>());
       };
-      fmt::print("{:<10} {:<18} {:>9.0f} {:>12} {:>8} {:>14}\n", order.name, part->name(),
-                 median(ns[part->name()]), figure("cache_lines"), figure("items"), figure("records_read"));
+      fmt::print(tables_stream(o.out), "{:<10} {:<18} {:>9.0f} {:>12} {:>8} {:>14}\n", order.name,
+                 part->name(), median(ns[part->name()]), figure("cache_lines"), figure("items"),
+                 figure("records_read"));
     }
     check(checksum);
   }

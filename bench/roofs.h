@@ -7,7 +7,7 @@
 #include <numeric>
 #include <vector>
 
-#include "caches/large_page_allocator.h"
+#include "core/large_page_allocator.h"
 #include "core/random.h"
 
 namespace icbench {
@@ -24,8 +24,6 @@ class PointerChase {
     for (std::size_t i = 0; i < order.size(); ++i) lines_[order[i]].next = order[(i + 1) % order.size()];
     go(order.size());  // so that what fits into a cache is there
   }
-
-  std::size_t bytes() const noexcept { return lines_.size() * sizeof(Line); }
 
   /// Nanoseconds a load.
   double ns_per_load() {

@@ -148,8 +148,9 @@ int run(const Options& o) {
   const Work work = Work::calibrate();
   nlohmann::ordered_json json = nlohmann::ordered_json::array();
   bool failed = false;
-  fmt::print("{:<30} {:<16} {:>8} {:>19}  {:>7}  {}\n", "row", "target", "median", "95 % interval", "samples",
-             "verdict");
+  std::FILE* const out = tables_stream(o.json);
+  fmt::print(out, "{:<30} {:<16} {:>8} {:>19}  {:>7}  {}\n", "row", "target", "median", "95 % interval",
+             "samples", "verdict");
   for (const Row* row : rows) {
     // A thread of its own for each row: some pin themselves.
     Measured m;
@@ -170,9 +171,9 @@ int run(const Options& o) {
             ? fmt::format("{:>8} {:>19}", "-", "-")
             : fmt::format("{:>8.3f} {:>19}", median(m.ratios),
                           fmt::format("[{:.3f}, {:.3f}]", m.interval.low, m.interval.high));
-    fmt::print("{:<30} {:<16} {}  {:>7}  {}{}\n", row->name, target_of(*row), figures, m.ratios.size(),
+    fmt::print(out, "{:<30} {:<16} {}  {:>7}  {}{}\n", row->name, target_of(*row), figures, m.ratios.size(),
                m.verdict, m.why.empty() ? "" : ": " + m.why);
-    std::fflush(stdout);
+    std::fflush(out);
   }
   if (!o.json.empty()) write_json(o.json, json);
   if (!so_far.empty()) std::filesystem::remove(so_far);
@@ -186,8 +187,8 @@ int main(int argc, char** argv) {
   icbench::survive_file_size_limits();
   icbench::Options o;
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
-  app.add_option("--json", o.json,
-                 "Also write the rows to this file; to FILE.unfinished until\nall are measured");
+  icbench::add_file(&app, "--json", o.json,
+                    "Also write the rows to this file; to FILE.unfinished until\nall are measured");
   app.add_option("--rows", o.rows, "Only these rows, separated by commas")
       ->check([](const std::string& text) {
         return text.empty() ? "no row is named; leave --rows away for all" : "";

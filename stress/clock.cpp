@@ -5,6 +5,8 @@
 #include <thread>
 #include <vector>
 
+#include "core/processing_units.h"
+
 namespace icbench::stress {
 
 bool tsc_is_usable() {
@@ -22,8 +24,7 @@ bool tsc_is_usable() {
     }
   };
   std::vector<std::jthread> threads;
-  for (unsigned i = 0; i < std::clamp(std::thread::hardware_concurrency(), 2u, 16u); ++i)
-    threads.emplace_back(pass);
+  for (unsigned i = 0; i < std::clamp(processing_units(), 2u, 16u); ++i) threads.emplace_back(pass);
   threads.clear();
   return agree;
 }

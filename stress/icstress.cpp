@@ -113,30 +113,29 @@ class Run {
   }
 
   void say_what_was_left_out() {
-    report_.not_examined(
+    const auto left_out = [&](const std::string& what) { report_.not_examined(what); };
+    left_out(
         "Histories on other processors than this one: an order that only weaker memory allows shows itself "
-        "in "
-        "explored schedules alone.");
-    if (options_.extent == explore::Extent::off) report_.not_examined("Schedules: they were switched off.");
+        "in explored schedules alone.");
+    if (options_.extent == explore::Extent::off) left_out("Schedules: they were switched off.");
     if (options_.preemptions)
-      report_.not_examined(fmt::format("Schedules of more than {} preemptions.", *options_.preemptions));
-    if (cut_short_ > 0)
-      report_.not_examined(
-          fmt::format("Schedules beyond the budget, in {} explorations of a cache, a scenario and a stamping "
-                      "(complete: false).",
+      left_out(fmt::format("Schedules of more than {} preemptions.", *options_.preemptions));
+    if (cut_short_ > 0) {
+      left_out(
+          fmt::format("Schedules beyond the budget, in {} explorations of a cache, a scenario and a "
+                      "stamping (complete: false).",
                       cut_short_));
+    }
     if (options_.extent == explore::Extent::brief)
-      report_.not_examined("Schedules of the long form (icstress --explore long).");
-    report_.not_examined(
-        "Explored schedules: loads that see stores not yet made (load buffering), stores that take effect in "
-        "another "
-        "order than they were made, and more than three threads with a few operations each.");
-    report_.not_examined(
-        "Locks of libraries (std::mutex, std::shared_mutex, oneTBB): in explored schedules and under a count "
-        "of steps "
-        "they are models that block in the same cases.");
-    if (options_.progress == explore::Extent::off) report_.not_examined("Progress: it was switched off.");
-    report_.not_examined(
+      left_out("Schedules of the long form (icstress --explore long).");
+    left_out(
+        "Explored schedules: loads that see stores not yet made (load buffering), stores that take effect "
+        "in another order than they were made, and more than three threads with a few operations each.");
+    left_out(
+        "Locks of libraries (std::mutex, std::shared_mutex, oneTBB): in explored schedules and under a "
+        "count of steps they are models that block in the same cases.");
+    if (options_.progress == explore::Extent::off) left_out("Progress: it was switched off.");
+    left_out(
         "Progress under weak memory, and of operations at quiescent points, which wait for everybody by "
         "contract.");
   }
@@ -234,7 +233,7 @@ int run_program(int argc, char** argv) {
       fmt::print(stderr,
                  "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     const Report& report = run.run();
-    const bool passed = report.print();
+    const bool passed = report.print(tables_stream(options.json));
     if (json->count() > 0) write_json(options.json, report.to_json());
     return finish(passed);
   } catch (const CLI::Success& e) {

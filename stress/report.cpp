@@ -16,15 +16,15 @@ std::uint64_t number(const ordered_json& row, const char* key) { return row[key]
 
 bool is_broken(const ordered_json& row) { return is(row, "promised") && text(row, "verdict") == "violated"; }
 
-void print_witness(const std::string& witness) {
+void print_witness(std::FILE* out, const std::string& witness) {
   std::string indented = "    ";
   for (const char c : witness) indented += c == '\n' ? std::string("\n    ") : std::string(1, c);
-  fmt::print("{}\n", indented);
+  fmt::print(out, "{}\n", indented);
 }
 
-void print_replay(const ordered_json& row) {
-  print_witness(text(row, "witness"));
-  fmt::print("    replay: icstress --replay {}\n", text(row, "replay"));
+void print_replay(std::FILE* out, const ordered_json& row) {
+  print_witness(out, text(row, "witness"));
+  fmt::print(out, "    replay: icstress --replay {}\n", text(row, "replay"));
 }
 
 const char* verdict(std::uint64_t violations) { return violations == 0 ? "holds" : "violated"; }
@@ -138,61 +138,63 @@ ordered_json Report::to_json() const {
   return all;
 }
 
-bool Report::print() const {
-  const unsigned broken = print_checks();
-  const unsigned unseen = print_controls();
-  const unsigned broken_by_schedule = print_schedules();
-  const unsigned uncaught = print_explored_controls();
-  const unsigned unkept = print_progress();
-  const unsigned unseen_progress = print_progress_controls();
+bool Report::print(std::FILE* out) const {
+  const unsigned broken = print_checks(out);
+  const unsigned unseen = print_controls(out);
+  const unsigned broken_by_schedule = print_schedules(out);
+  const unsigned uncaught = print_explored_controls(out);
+  const unsigned unkept = print_progress(out);
+  const unsigned unseen_progress = print_progress_controls(out);
   const unsigned all_broken = broken + broken_by_schedule + unkept;
-  if (all_broken > 0) fmt::print("\n{} broken promises\n", all_broken);
+  if (all_broken > 0) fmt::print(out, "\n{} broken promises\n", all_broken);
   if (unseen > 0) {
     fmt::print(
+        out,
         "\nthe stress was too weak: {} controls were not seen failing; use more threads or other seeds\n",
         unseen);
   }
-  if (uncaught > 0) fmt::print("\nthe exploration was too weak: {} controls were not caught\n", uncaught);
+  if (uncaught > 0)
+    fmt::print(out, "\nthe exploration was too weak: {} controls were not caught\n", uncaught);
   if (unseen_progress > 0)
-    fmt::print("\nthe check of progress was too weak: {} controls were not seen\n", unseen_progress);
+    fmt::print(out, "\nthe check of progress was too weak: {} controls were not seen\n", unseen_progress);
   const bool is_well = all_broken + unseen + uncaught + unseen_progress == 0;
-  if (is_well) fmt::print("\nall promises held, all controls that had to be were seen failing\n");
+  if (is_well) fmt::print(out, "\nall promises held, all controls that had to be were seen failing\n");
   return is_well;
 }
 
-unsigned Report::print_checks() const {
+unsigned Report::print_checks(std::FILE* out) const {
   unsigned broken = 0;
-  fmt::print("{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", "cache", "check", "verdict", "promised",
+  fmt::print(out, "{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", "cache", "check", "verdict", "promised",
              "operations", "overlapping", "violations");
   for (const ordered_json& row : checks_) {
-    fmt::print("{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", text(row, "cache"), text(row, "check"),
-               text(row, "verdict"), is(row, "promised") ? "yes" : "no", number(row, "operations"),
-               number(row, "concurrent_pairs"), number(row, "violations"));
-    if (is_broken(row)) print_witness(text(row, "witness"));
+    fmt::print(out, "{:<26} {:<24} {:<9} {:<9} {:>11} {:>13} {:>11}\n", text(row, "cache"),
+               text(row, "check"), text(row, "verdict"), is(row, "promised") ? "yes" : "no",
+               number(row, "operations"), number(row, "concurrent_pairs"), number(row, "violations"));
+    if (is_broken(row)) print_witness(out, text(row, "witness"));
     broken += is_broken(row);
   }
   return broken;
 }
 
-unsigned Report::print_controls() const {
+unsigned Report::print_controls(std::FILE* out) const {
   unsigned unseen = 0;
-  fmt::print("\n{:<26} {:<24} {:<9} {:>11}\n", "control", "must violate", "seen", "rounds");
+  fmt::print(out, "\n{:<26} {:<24} {:<9} {:>11}\n", "control", "must violate", "seen", "rounds");
   for (const ordered_json& row : controls_) {
     const bool seen = is(row, "seen"), required = is(row, "required");
-    fmt::print("{:<26} {:<24} {:<9} {:>5} of {:>2}\n", text(row, "control"), text(row, "check"),
+    fmt::print(out, "{:<26} {:<24} {:<9} {:>5} of {:>2}\n", text(row, "control"), text(row, "check"),
                seen       ? "yes"
                : required ? "NO"
                           : "(no)",
                number(row, "rounds_violated"), number(row, "rounds"));
     if (!seen && !required)
-      fmt::print("    on this processor histories need not show it; the explorer does on any\n");
+      fmt::print(out, "    on this processor histories need not show it; the explorer does on any\n");
     unseen += !seen && required;
   }
   return unseen;
 }
 
 /// One line a cache; scenarios only where something is wrong.
-unsigned Report::print_schedules() const {
+unsigned Report::print_schedules(std::FILE* out) const {
   if (schedules_.empty() && exempt_.empty()) return 0;
   struct Line {
     std::string cache, check;
@@ -214,63 +216,63 @@ unsigned Report::print_schedules() const {
     line.violations += number(row, "violations");
     broken += is_broken(row);
   }
-  fmt::print("\n{:<26} {:<24} {:>9} {:>9} {:>12} {:>11}\n", "cache, every schedule", "held to", "scenarios",
-             "complete", "schedules", "violations");
+  fmt::print(out, "\n{:<26} {:<24} {:>9} {:>9} {:>12} {:>11}\n", "cache, every schedule", "held to",
+             "scenarios", "complete", "schedules", "violations");
   for (const Line& line : lines) {
-    fmt::print("{:<26} {:<24} {:>9} {:>9} {:>12} {:>11}\n", line.cache, line.check, line.scenarios,
+    fmt::print(out, "{:<26} {:<24} {:>9} {:>9} {:>12} {:>11}\n", line.cache, line.check, line.scenarios,
                line.complete, line.schedules, line.violations);
   }
   for (const std::string& cache : exempt_)
-    fmt::print("{:<26} exempt: built on a foreign container, whose steps cannot be scheduled\n", cache);
+    fmt::print(out, "{:<26} exempt: built on a foreign container, whose steps cannot be scheduled\n", cache);
   for (const ordered_json& row : schedules_) {
     if (!is_broken(row)) continue;
-    fmt::print("  {} breaks its promise in {}\n", text(row, "cache"), text(row, "scenario"));
-    print_replay(row);
+    fmt::print(out, "  {} breaks its promise in {}\n", text(row, "cache"), text(row, "scenario"));
+    print_replay(out, row);
   }
   return broken;
 }
 
-unsigned Report::print_explored_controls() const {
+unsigned Report::print_explored_controls(std::FILE* out) const {
   if (explored_controls_.empty()) return 0;
   unsigned uncaught = 0;
-  fmt::print("\n{:<26} {:<24} {:<9} {:>11}  {}\n", "control, every schedule", "must violate", "caught",
+  fmt::print(out, "\n{:<26} {:<24} {:<9} {:>11}  {}\n", "control, every schedule", "must violate", "caught",
              "schedules", "replay");
   for (const ordered_json& row : explored_controls_) {
     const bool caught = is(row, "caught");
-    fmt::print("{:<26} {:<24} {:<9} {:>11}  {}\n", text(row, "control"), text(row, "check"),
+    fmt::print(out, "{:<26} {:<24} {:<9} {:>11}  {}\n", text(row, "control"), text(row, "check"),
                caught ? "yes" : "NO", number(row, "schedules"), text(row, "replay"));
     uncaught += !caught;
   }
   return uncaught;
 }
 
-unsigned Report::print_progress() const {
+unsigned Report::print_progress(std::FILE* out) const {
   if (progress_.empty()) return 0;
   unsigned unkept = 0;
-  fmt::print("\n{:<19} {:<11} {:<10} {:>7} {:>7} {:>16}  {}\n", "cache, progress", "of", "declared", "steps",
-             "bound", "stops that block", "verdict");
+  fmt::print(out, "\n{:<19} {:<11} {:<10} {:>7} {:>7} {:>16}  {}\n", "cache, progress", "of", "declared",
+             "steps", "bound", "stops that block", "verdict");
   for (const ordered_json& row : progress_) {
     const bool holds = text(row, "verdict") == "holds";
-    fmt::print("{:<19} {:<11} {:<10} {:>7} {:>7} {:>6} of {:>6}  {}\n", text(row, "cache"),
+    fmt::print(out, "{:<19} {:<11} {:<10} {:>7} {:>7} {:>6} of {:>6}  {}\n", text(row, "cache"),
                text(row, "operation"), text(row, "declared"), number(row, "most_steps"),
                row["bound_steps"].is_null() ? "-" : std::to_string(number(row, "bound_steps")),
                number(row, "blocked_positions"), number(row, "positions"), text(row, "verdict"));
     if (!holds) {
-      fmt::print("    {}\n", text(row, "note"));
-      if (!text(row, "witness").empty()) print_witness(text(row, "witness"));
+      fmt::print(out, "    {}\n", text(row, "note"));
+      if (!text(row, "witness").empty()) print_witness(out, text(row, "witness"));
     }
     unkept += !holds;
   }
   return unkept;
 }
 
-unsigned Report::print_progress_controls() const {
+unsigned Report::print_progress_controls(std::FILE* out) const {
   if (progress_controls_.empty()) return 0;
   unsigned unseen = 0;
-  fmt::print("\n{:<26} {:<11} {:<8} {:<5}  {}\n", "control, progress", "in", "must", "seen", "note");
+  fmt::print(out, "\n{:<26} {:<11} {:<8} {:<5}  {}\n", "control, progress", "in", "must", "seen", "note");
   for (const ordered_json& row : progress_controls_) {
     const bool seen = is(row, "seen");
-    fmt::print("{:<26} {:<11} {:<8} {:<5}  {}\n", text(row, "control"), text(row, "operation"),
+    fmt::print(out, "{:<26} {:<11} {:<8} {:<5}  {}\n", text(row, "control"), text(row, "operation"),
                text(row, "must"), seen ? "yes" : "NO", text(row, "note"));
     unseen += !seen;
   }

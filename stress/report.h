@@ -4,6 +4,7 @@
 // how many of its rows are failures.
 #pragma once
 
+#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
@@ -32,20 +33,20 @@ class Report {
   /// What this run left out, in a sentence.
   void not_examined(std::string what) { not_examined_.push_back(std::move(what)); }
 
-  /// Prints all that there is; whether every promise held and every control was caught.
-  bool print() const;
+  /// Prints all that there is to `out`; whether every promise held and every control was caught.
+  bool print(std::FILE* out) const;
 
   nlohmann::ordered_json to_json() const;
 
  private:
   using Rows = nlohmann::ordered_json;
 
-  unsigned print_checks() const;
-  unsigned print_controls() const;
-  unsigned print_schedules() const;
-  unsigned print_explored_controls() const;
-  unsigned print_progress() const;
-  unsigned print_progress_controls() const;
+  unsigned print_checks(std::FILE* out) const;
+  unsigned print_controls(std::FILE* out) const;
+  unsigned print_schedules(std::FILE* out) const;
+  unsigned print_explored_controls(std::FILE* out) const;
+  unsigned print_progress(std::FILE* out) const;
+  unsigned print_progress_controls(std::FILE* out) const;
 
   std::uint64_t seed_;
   Rows checks_ = Rows::array();

@@ -8,11 +8,15 @@
 // begins.
 #pragma once
 
+#include <fmt/format.h>
+
 #include <array>
 #include <barrier>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <string_view>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -193,8 +197,7 @@ class Round {
     history_.validity = &landscape_->validity();
     history_.ids = sizes_.epochs * plan_.threads * sizes_.thread_operations;
     {
-      std::vector<std::jthread> threads;
-      for (std::uint32_t t = 0; t < plan_.threads; ++t) threads.emplace_back([this, t] { work(t); });
+      const std::vector<std::jthread> threads = start();
       for (std::uint32_t e = 0; e < sizes_.epochs; ++e) {
         cache_.begin_frame();
         barrier_.arrive_and_wait();  // the epoch begins
@@ -227,12 +230,31 @@ class Round {
            (e + 1 == sizes_.epochs && hash_keys(plan_.seed, 5) % 2 == 0);
   }
 
+  /// Throws std::runtime_error with one line if the system has no more threads; none is left behind.
+  std::vector<std::jthread> start() {
+    std::vector<std::jthread> threads;
+    threads.reserve(plan_.threads);
+    try {
+      while (threads.size() < plan_.threads)
+        threads.emplace_back([this, t = static_cast<std::uint32_t>(threads.size())] { work(t); });
+    } catch (const std::system_error& error) {
+      gives_up_ = true;  // published by the barrier
+      // For this thread, and for those that are missing.
+      for (std::size_t t = threads.size(); t <= plan_.threads; ++t) barrier_.arrive_and_drop();
+      throw std::runtime_error(
+          fmt::format("cannot create thread {} of {}: {}; use fewer --threads, or raise ulimit -u",
+                      threads.size() + 1, plan_.threads, error.code().message()));
+    }
+    return threads;
+  }
+
   void work(std::uint32_t t) {
     Delays::start(hash_keys(plan_.seed, t, 1), plan_.delay_every);
     Pcg32 random(hash_keys(plan_.seed, t, 2));
     Session session = sessions_[t];
     for (std::uint32_t e = 0; e < sizes_.epochs; ++e) {
       barrier_.arrive_and_wait();
+      if (gives_up_) return;
       const std::uint32_t first_id = (e * plan_.threads + t) * sizes_.thread_operations;
       for (std::uint32_t i = 0; i < sizes_.thread_operations && logs_[t].has_room(); ++i) {
         if (random.below(100) < plan_.shape->insert_percent) {
@@ -359,6 +381,7 @@ class Round {
   std::vector<ThreadLog> logs_;
   ThreadLog quiescent_log_;
   std::barrier<> barrier_;
+  bool gives_up_ = false;
   History history_;
   std::vector<std::uint32_t> alive_;  ///< accepted ids that were neither dropped nor cleared
   std::uint32_t update_ = 0;          ///< number of the last update; changes only at quiescent points

@@ -236,6 +236,25 @@ TEST_F(SmallFile, WritingThatFailsLeavesTheOldFileAndNothingElse) {
   EXPECT_EQ(folder_.entries(), 1);
 }
 
+TEST_F(SmallFile, LinksAreFollowedAndPermissionsStay) {
+  const std::filesystem::path link = folder_ / "link";
+  std::filesystem::create_symlink("small", link);
+  const auto mode = std::filesystem::perms::owner_all | std::filesystem::perms::group_read;
+  std::filesystem::permissions(path_, mode);
+  ASSERT_EQ(save_records(link, config_, {}, [](const auto&) {}), std::nullopt);
+  EXPECT_TRUE(std::filesystem::is_symlink(link));
+  EXPECT_LT(bytes_of(path_).size(), bytes_.size());
+  EXPECT_EQ(std::filesystem::status(path_).permissions(), mode);
+  EXPECT_EQ(folder_.entries(), 2);
+}
+
+TEST_F(SmallFile, NamesOfOpenFilesAreRefused) {
+  for (const char* name : {"/dev/stdout", "/dev/stderr", "/dev/fd/1", "/proc/self/fd/1"}) {
+    const Failure refused = save_records(name, config_, {}, [](const auto&) {});
+    EXPECT_TRUE(is_one_line_with(refused.value_or(""), "no regular file")) << name;
+  }
+}
+
 TEST_F(SmallFile, SavesToOneNameAtOnceLeaveOneOfThem) {
   const std::vector<Record> one = random_records(2000, 5), other = random_records(3000, 6);
   config_.capacity = 3000;

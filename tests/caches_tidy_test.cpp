@@ -1,8 +1,12 @@
 // Caches that are tidied: the same records and answers, and as much room.
+#include <algorithm>
+#include <numeric>
 #include <optional>
 #include <vector>
 
 #include "cache_contract.h"
+#include "caches/tidy.h"
+#include "core/processing_units.h"
 
 namespace icbench {
 namespace {
@@ -80,6 +84,32 @@ TEST_P(Tidying, LeavesRoomForAllThatIsPromised) {
   cache.tidy();
   EXPECT_EQ(stored(cache).size(), kCapacity);
   EXPECT_NE(insert(0), InsertResult::inserted);
+}
+
+/// Counts what each workspace is given.
+struct CountingStructure {
+  std::vector<Record> records;
+  void clear() {}
+  void prefault(std::uint32_t&, std::uint32_t) noexcept {}
+  bool insert(std::uint32_t& given, const Record&, NoCounters&) noexcept { return ++given != 0; }
+  template <class F>
+  void for_each(F&& f) const {
+    for (const Record& r : records) f(r);
+  }
+};
+
+TEST(Tidy, DealsAnyNumberOfRecordsToAllThreadsThereAre) {
+  for (const std::uint32_t n : {0u, 1u, 12'288u, 20'001u, 40'003u}) {
+    CountingStructure structure{random_records(n, 59)};
+    std::vector<std::uint32_t> given(4, 0);
+    lay_out_in_space(
+        structure, OctreeAddressing({glm::vec3(0.0f), glm::vec3(1.0f)}), 4, [] {},
+        [&](std::size_t i) -> std::uint32_t& { return given[i]; });
+    const std::uint32_t threads = std::clamp(n / 4096, 1u, std::min(4u, processing_units()));
+    EXPECT_EQ(std::accumulate(given.begin(), given.end(), 0u), n);
+    for (std::uint32_t i = 0; i < given.size(); ++i)
+      EXPECT_NEAR(given[i], i < threads ? static_cast<double>(n) / threads : 0.0, 1.0) << n << ' ' << i;
+  }
 }
 
 }  // namespace

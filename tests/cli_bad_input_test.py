@@ -203,7 +203,9 @@ class BadInput(Case):
     def test_names_that_are_empty(self):
         for arguments in (small_render(json=""), small_render(residual=1, **{"residual-out": ""}),
                           [*small_render(), "--save-cache", ""], [*small_render(), "--load-cache", ""],
-                          ["compare", "a.exr", "a.exr", "--map", ""]):
+                          ["compare", "a.exr", "a.exr", "--map", ""], ["sweep", "--timeline", ""],
+                          ["trace", "replay", "a.trace", "--json", ""], ["pareto", "--images", ""],
+                          ["simulate", "--calibration", ""], ["simulate", "--transfer", ""]):
             self.refuse(*arguments, says=["needs a name"])
 
     def test_names_that_are_no_text(self):

@@ -119,6 +119,11 @@ class Pareto(Case):
                 self.assertAlmostEqual(row["mean_ratio"], 1, delta=0.1)
 
     def test_standard_output_is_one_valid_document(self):
+        os.makedirs(self.folder / "results")
+        run = small_pareto(methods="path", size="8x8", out="results/../results/p.json")
+        self.succeed(*run)
+        self.succeed(*run, "--resume", "--images", "shots")
+        self.assertEqual(self.load("results/p.json")["context"]["images"], "../shots", "where the report looks")
         results = json.loads(self.succeed(*small_pareto(methods="path", size="8x8", out="/dev/stdout")))
         self.assertEqual(len(results["benchmarks"]), 5)
 

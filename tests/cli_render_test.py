@@ -262,6 +262,11 @@ class Compare(Case):
         self.assertAlmostEqual(figures["flicker"], second["rmse"], delta=1e-6 * second["rmse"])
         self.assertEqual(sorted(os.listdir(self.folder / "maps/hdrvdp")),
                          [f"frame_000{i}.{kind}" for i in (0, 1) for kind in ("exr", "png")])
+        # Frames that do not follow one another tell nothing of flicker.
+        for folder in "ab":
+            os.rename(self.folder / folder / "frame_0001.exr", self.folder / folder / "frame_0005.exr")
+        self.assertIn("flicker none", self.succeed("compare", "a", "b", "--metrics", "rmse", "--json", "d.json"))
+        self.assertIsNone(self.load("d.json")["flicker"])
 
 
 if __name__ == "__main__":

@@ -40,6 +40,17 @@ class SweepFiles(Case):
         self.assertNotEqual(first[picture, 0], other[picture, 0])
         self.assertNotEqual(first[picture, 0], first[picture, 1], "repetitions are to be independent")
 
+    def test_parameters_that_an_integrator_has_no_use_for_are_named(self):
+        for workload, idle in ((f"{SCENE}:rays=4:spp=1:cell=4:size=16x16", ("spp", "cell")),
+                               (f"{SCENE}:integrator=path:rays=4:a=0.5:spp=1:size=16x16", ("rays", "a"))):
+            integrator = "path" if "path" in workload else "irradiance_cache"
+            done = self.run_icbench(*small_sweep(workloads=workload, out="o.json"), "--reference-spp", "2")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            for key in idle:
+                self.assertRegex(done.stderr,
+                                 rf"icbench: {key} of workload '{SCENE}:[^']+' has no effect on {integrator}\n")
+            self.assertEqual(done.stderr.count("no effect"), len(idle))
+
     def test_standard_output_is_one_valid_document(self):
         results = json.loads(self.succeed(*small_sweep(out="/dev/stdout")))
         self.assertEqual(len(results["benchmarks"]), 1)

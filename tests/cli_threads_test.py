@@ -41,7 +41,8 @@ class Trace(Case):
     def test_results_name_the_trace_and_are_alone_on_standard_output(self):
         hashes = set()
         for size in "16x16", "24x16":
-            self.succeed(*small_capture(size=size, out="a.trace"))
+            captured = json.loads(self.succeed(*small_capture(size=size, out="a.trace", json="/dev/stdout")))
+            self.assertEqual("{}x{}".format(captured["width"], captured["height"]), size)
             replayed = json.loads(self.succeed("trace", "replay", "a.trace", "--repetitions", "1", "--json",
                                                "/dev/stdout"))
             json.loads(self.succeed("trace", "info", "a.trace", "--json", "/dev/stdout"))
@@ -148,7 +149,7 @@ class Time(Case):
 
     def test_a_timeline_is_a_trace_event_file(self):
         for workload, events in (("miss_driven:operations=3000", 200), ("miss_driven:operations=3000", 100_000),
-                                 (f"{SCENE}:rays=4:spp=1:size=32x32", 100_000)):
+                                 (f"{SCENE}:rays=4:size=32x32", 100_000)):
             self.succeed(*small_sweep(caches="packed_global_mutex", workloads=workload, threads=3,
                                       timeline="timeline.json", out="out.json"), "--timeline-events", events,
                          *(["--reference-spp", "2"] if SCENE in workload else []))

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <numeric>
 #include <random>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -53,16 +52,6 @@ TEST(Quantile, StandsExtremeValues) {
   EXPECT_EQ(median(Sample{1e-320, 1e-320, 5.0}), 1e-320);
   EXPECT_EQ(median(Sample{1.0, kInf}), kInf);
   EXPECT_EQ(median(Sample{1.0, 2.0, kInf}), 2.0);
-}
-
-TEST(Spread, MatchesHandComputation) {
-  const Sample s{1, 1, 2, 2, 4, 6, 9};
-  EXPECT_DOUBLE_EQ(median(s), 2.0);
-  EXPECT_DOUBLE_EQ(median_absolute_deviation(s), 1.0);
-  EXPECT_DOUBLE_EQ(interquartile_range(s), 5.0 - 1.5);
-  EXPECT_EQ(median_absolute_deviation(Sample(5, 3.0)), 0.0);
-  EXPECT_EQ(interquartile_range(Sample(5, kInf)), 0.0);
-  EXPECT_TRUE(std::isnan(median_absolute_deviation({})));
 }
 
 TEST(Bootstrap, HasNoIntervalBelowSixSamples) {
@@ -164,37 +153,6 @@ TEST(Bootstrap, CoversTheTrueMedianAsOftenAsItSays) {
     EXPECT_GE(coverage, 0.93) << n;
     EXPECT_LE(coverage, 0.985) << n;
   }
-}
-
-TEST(PairedRatio, IsTheMedianOfRatiosNotTheRatioOfMedians) {
-  const Sample a{1, 20, 300, 4, 50, 600, 7}, b{1, 10, 100, 1, 10, 100, 1};
-  const PairedRatio r = paired_ratio(a, b, 1);  // ratios 1 2 3 4 5 6 7
-  EXPECT_DOUBLE_EQ(r.median, 4.0);
-  EXPECT_EQ(r.samples, 7u);
-  EXPECT_LE(r.interval.low, 4.0);
-  EXPECT_GE(r.interval.high, 4.0);
-}
-
-TEST(PairedRatio, CancelsDriftThatBothSidesShare) {
-  Sample a, b;
-  for (int i = 1; i <= 20; ++i) {
-    b.push_back(1000.0 / i);
-    a.push_back(1500.0 / i);
-  }
-  const PairedRatio r = paired_ratio(a, b, 1);
-  EXPECT_NEAR(r.interval.low, 1.5, 1e-12);
-  EXPECT_NEAR(r.interval.high, 1.5, 1e-12);
-}
-
-TEST(PairedRatio, DegenerateInputsStayUndecided) {
-  EXPECT_TRUE(std::isnan(paired_ratio({}, {}, 1).median));
-  EXPECT_EQ(paired_ratio(Sample{3}, Sample{2}, 1).median, 1.5);
-  EXPECT_EQ(paired_ratio(Sample(8, 1.0), Sample(8, 0.0), 1).median, kInf);
-  EXPECT_TRUE(std::isnan(paired_ratio(Sample(8, 0.0), Sample(8, 0.0), 1).median));
-  for (const PairedRatio& r : {paired_ratio({}, {}, 1), paired_ratio(Sample{3}, Sample{2}, 1),
-                               paired_ratio(Sample(8, 0.0), Sample(8, 0.0), 1)})
-    EXPECT_EQ(decide(r.interval, Relation::at_most, 1e9), Verdict::undecided);
-  EXPECT_THROW(paired_ratio(Sample{1}, Sample{1, 2}, 1), std::runtime_error);
 }
 
 TEST(Decide, NeedsTheWholeIntervalOnOneSide) {

@@ -132,6 +132,18 @@ TEST(ThreadAccount, LeavesNothingBetweenItsStamps) {
   EXPECT_LE(account.log().spans().size(), 8u);
 }
 
+TEST(ThreadAccount, StandsStampsOfACounterThatIsBehind) {
+  constexpr std::uint64_t kBehind = 1'000'000'000;
+  ThreadAccount account(kHalf);
+  account.begin();
+  account.enter(Doing::query, 0);
+  account.leave(Doing::query, ticks() - kBehind, 0, false);
+  account.enter(Doing::query, 0);
+  account.leave(Doing::query, ticks(), 0, false);
+  account.end();
+  EXPECT_LE(account.thread_ticks().sum(), ticks() - account.begin_ticks());
+}
+
 TEST(SpanLog, KeepsTheLongestAndCountsTheRest) {
   std::mt19937_64 random(2);
   SpanLog log(64);

@@ -70,6 +70,16 @@ class Instructions(unittest.TestCase):
         self.assertRegex(done.stderr, r"\Aanatomy: unknown scene 'nosuch'; [^\n]+\n\Z")
         self.assertEqual([(path.name, path.read_text()) for path in self.folder.iterdir()], [("anatomy.json", "kept")])
 
+    def test_a_scene_is_not_overwritten_by_results(self):
+        scene = self.folder / "room.rad"
+        scene.write_text("void plastic wall\n0\n0\n5 .5 .5 .5 0 0\n")
+        before = scene.read_text()
+        done = subprocess.run([kPrograms / "anatomy", "--scene", scene, "--out", scene], capture_output=True, text=True,
+                              timeout=PATIENCE)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertRegex(done.stderr, r"\Aanatomy: --out '[^\n]+' would overwrite what is read[^\n]+\n\Z")
+        self.assertEqual(scene.read_text(), before)
+
     def test_numbers_of_anatomy_are_whole_and_in_range(self):
         for option, number in (("--seed", "-1"), ("--seed", "1e3"), ("--records", "1e4"), ("--records", "0x1000"),
                                ("--repetitions", "0")):

@@ -18,7 +18,7 @@ Image constant(float value) {
 
 TEST(Flicker, LastingErrorAndSharedMotionHaveNone) {
   Flicker flicker;
-  EXPECT_EQ(flicker.value(), 0.0);
+  EXPECT_EQ(flicker.value(), std::nullopt);
   for (const float level : {1.0f, 5.0f, 2.0f, 0.0f}) flicker.add(constant(level), constant(level + 0.5f));
   EXPECT_EQ(flicker.frames(), 4);
   EXPECT_EQ(flicker.value(), 0.0);
@@ -27,11 +27,14 @@ TEST(Flicker, LastingErrorAndSharedMotionHaveNone) {
 TEST(Flicker, IsTheRootMeanSquareOfChanges) {
   Flicker flicker;
   flicker.add(constant(1.0f), constant(1.0f));
-  EXPECT_EQ(flicker.value(), 0.0);
+  EXPECT_EQ(flicker.value(), std::nullopt);
+  flicker.add(constant(1.0f), constant(9.0f), false);  // frames between them are missing
+  EXPECT_EQ(flicker.value(), std::nullopt);
+  flicker.add(constant(1.0f), constant(1.0f), false);
   flicker.add(constant(1.0f), constant(1.25f));
-  EXPECT_DOUBLE_EQ(flicker.value(), 0.25);
+  EXPECT_DOUBLE_EQ(flicker.value().value(), 0.25);
   flicker.add(constant(2.0f), constant(1.5f));  // from +0.25 to -0.5
-  EXPECT_DOUBLE_EQ(flicker.value(), std::sqrt((0.0625 + 0.5625) / 2.0));
+  EXPECT_DOUBLE_EQ(flicker.value().value(), std::sqrt((0.0625 + 0.5625) / 2.0));
 }
 
 TEST(Flicker, EveryChannelAndPixelCountsOnce) {
@@ -41,7 +44,7 @@ TEST(Flicker, EveryChannelAndPixelCountsOnce) {
     Flicker flicker;
     flicker.add(constant(1.0f), constant(1.0f));
     flicker.add(constant(1.0f), image);
-    EXPECT_DOUBLE_EQ(flicker.value(), std::sqrt(9.0 / 72.0));
+    EXPECT_DOUBLE_EQ(flicker.value().value(), std::sqrt(9.0 / 72.0));
   }
 }
 

@@ -36,6 +36,13 @@ Vpl sampled(const VplArrays& vpls, std::size_t sample, std::size_t i) {
           {get(VplArrays::kRed), get(VplArrays::kGreen), get(VplArrays::kBlue)}};
 }
 
+// One path anew, in the calling thread.
+VplChange retrace(VplSet& set, Tracer& tracer, std::uint32_t path) {
+  VplUpdate update(set, {path});
+  update.trace(tracer, 0);
+  return update.commit();
+}
+
 TEST(RenderVpl, ASetHasAboutAsManyVplsAsWantedEachInASlotOfItsPath) {
   const RayTracer rays(room());
   for (const std::uint32_t wanted : {1u, 64u, 1000u}) {

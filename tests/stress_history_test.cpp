@@ -1,12 +1,17 @@
 // Short runs of every registered cache, as it ships and with delays, judged by what it promises; and the
 // parts that record histories.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
 #include <set>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <type_traits>
 
@@ -106,6 +111,33 @@ TEST_P(StressCaches, KeepTheirPromisesWithManyMoreThreadsThanCores) {
 
 INSTANTIATE_TEST_SUITE_P(Registry, StressCaches, ::testing::Range(std::size_t{0}, all_subjects().size()),
                          [](const auto& at) { return std::string(all_subjects()[at.param].traits.name); });
+
+#if !ICBENCH_SANITIZED  // their shadow memory does not live with a limit on the address space
+/// A hang would be a failure: the threads that there are wait for those that are missing.
+TEST(StressHistory, AThreadThatCannotBeCreatedIsAOneLineError) {
+  const pid_t child = fork();
+  if (child == 0) {
+    alarm(60);
+    const rlimit limit{2ull << 30, 2ull << 30};
+    setrlimit(RLIMIT_AS, &limit);  // some 200 stacks of 8 MB fit
+    RoundPlan plan;
+    plan.shape = &all_shapes().front();
+    plan.threads = 4'000;
+    plan.operations = 1;
+    try {
+      run_round<GlobalMutexCache<>>(plan);
+    } catch (const std::runtime_error& error) {
+      const std::string text = error.what();
+      _exit(text.starts_with("cannot create thread ") && text.find(" of 4000: ") != text.npos ? 0 : 1);
+    }
+    _exit(2);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status)) << "killed by signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+#endif
 
 /// Histories the checker may rely on: ids at most once, stamps that rise in each thread but within batches, epochs end
 /// to end.

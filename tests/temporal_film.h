@@ -39,7 +39,7 @@ class Witness final : public RecordSource {
   Record evaluate(unsigned thread, Tracer& tracer, const Visible& x, const SampleKey& key) noexcept override {
     const Record r = source.evaluate(thread, tracer, x, key);
     const std::lock_guard lock(mutex_);
-    hits.insert_or_assign({r.p.x, r.p.y, r.p.z}, x.hit);
+    hits.insert_or_assign(place_of(r), x.hit);
     return r;
   }
   void settle(unsigned thread, const Record& r, InsertResult result) noexcept override {
@@ -54,8 +54,12 @@ class Witness final : public RecordSource {
   void used(const Record& r) noexcept override { source.used(r); }
   void report(PassFigures& figures) const noexcept override { source.report(figures); }
 
+  static std::array<float, 6> place_of(const Record& r) noexcept {
+    return {r.p.x, r.p.y, r.p.z, r.n.x, r.n.y, r.n.z};
+  }
+
   TemporalSource source;
-  std::map<std::array<float, 3>, Hit> hits;  // by place
+  std::map<std::array<float, 6>, Hit> hits;  // by place and normal: faces may lie in one plane
 
  private:
   std::mutex mutex_;
@@ -121,7 +125,7 @@ class Film {
     pass->for_each_record([&](const Record& r) {
       ++records;
       if (!first.empty()) return;
-      const Hit& hit = witness->hits.at({r.p.x, r.p.y, r.p.z});
+      const Hit& hit = witness->hits.at(Witness::place_of(r));
       if (begun && moved[hit.mesh]) first = "a record on a mesh that moved";
       const Hit point = record_point(hit);
       DistanceCodes codes;
@@ -140,7 +144,9 @@ class Film {
       const Irradiance E = irradiance_from(seen, point, vpls.vpls(), clamp) +
                            compensate_record(tracer, point, vpls, clamp, packing).E;
       Record expected{point.p, point.n, radius.radius(codes), E, r.id};
-      if (shapes != nullptr && extrapolates(shapes->shaper.level())) {
+      if (r.id == RecordTable::kNone) {
+        expected.R = r.R;  // nothing is known of it but what the cache has
+      } else if (shapes != nullptr && extrapolates(shapes->shaper.level())) {
         RecordDetail detail;
         IrradianceGradients gradients;
         irradiance_from(seen, point, vpls.vpls(), clamp, gradients);
@@ -171,8 +177,8 @@ class Film {
   std::uint64_t records = 0;  // seen by difference()
   std::uint64_t sloped = 0;   // of them all, those with a gradient
   std::uint64_t asked = 0;  // VPLs that something that moves may hide, of records that see them but for that
-  std::uint64_t otherwise =
-      0;  // of these, seen by rays in full packets and hidden by rays alone, or the reverse
+  // Of these, seen by rays in full packets and hidden by rays alone, or the reverse.
+  std::uint64_t otherwise = 0;
 
  private:
   std::vector<Tile> tiles_;

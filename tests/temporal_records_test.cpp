@@ -116,6 +116,32 @@ TEST(TemporalRecords, RecordsDoNotBecomeManyMoreThanWouldBeMadeAnew) {
 
 // Guards against: updating records at a greater cost than making them anew; kept ones of one kind of frame in the
 // other; and dropping those that nothing has touched, because unused ones go.
+// Guards against: updates of records that the camera left behind, beside which those of the new view are made.
+TEST(TemporalRecords, WhatTheCameraLeavesBehindGoesBeforeTheNextUpdate) {
+  constexpr std::uint32_t kFrames = 12;
+  Scene scene = animated_room({.rigid = true}, 64);
+  scene.camera_path = [wide = scene.camera](float frame) {
+    Camera camera = wide;
+    camera.fov_y *= 0.3f;
+    const glm::vec3 ahead = wide.target - wide.eye, right = glm::normalize(glm::cross(ahead, wide.up));
+    const float angle = 0.5f * frame;  // more than the width of a picture
+    camera.target = wide.eye + std::cos(angle) * ahead + std::sin(angle) * glm::length(ahead) * right;
+    return camera;
+  };
+  const std::vector<std::uint64_t> anew = records_made_anew(scene, 64, 48, 0.06f, kFrames);
+  Film film(scene, "sequential", 1, 64, 48, 0.06f, 16, Interpolation::gradients);
+  std::uint64_t all = 0, all_anew = 0;
+  for (std::uint32_t frame = 0; frame < kFrames; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    all += film.pass->figures().records;
+    all_anew += anew[frame];
+    ASSERT_EQ(film.difference(), "") << frame;
+  }
+  EXPECT_LT(all,
+            1.2 * static_cast<double>(all_anew));  // 3.3 times, if all that are left are brought up to date
+}
+
 TEST(TemporalRecords, WhereMostChangesAllIsMadeAnew) {
   Scene scene = animated_room({.rigid = true}, 97);
   // In frames 4 to 11 the moving box fills much of the room, and from 7 on it rests there.

@@ -50,11 +50,9 @@ class IndirectTimes : public Experiment {
   }
 
   Sample sample() override {
-    const bool temporal_first = (frame_ & 1u) != 0;
-    double other = 0.0;
-    if (!temporal_first) other = other_.render(frame_).seconds_indirect;
-    const double temporal = temporal_.render(frame_).seconds_indirect;
-    if (temporal_first) other = other_.render(frame_).seconds_indirect;
+    const auto [other, temporal] = in_turns(
+        frame_, [&] { return other_.render(frame_).seconds_indirect; },
+        [&] { return temporal_.render(frame_).seconds_indirect; });
     ++frame_;
     return {ratio_ == Ratio::over_temporal ? other / temporal : temporal / other};
   }

@@ -24,8 +24,8 @@ float accuracy_of(const Setting& setting);
 
 struct Animation {
   Setting setting;
-  double
-      igi_over_tic;    ///< to be reached, indirect time: Dubla 2012, table 6.4, or 25 where that is asked for
+  /// To be reached, indirect time: Dubla 2012, table 6.4, or 25 where that is asked for.
+  double igi_over_tic;
   double ic_over_tic;  ///< the same, of static instant caching
 };
 

@@ -63,11 +63,8 @@ class DeterministicOverFree : public Experiment {
       : stage_(machine, scene), scene_(scene), which_(which), seed_(machine.seed) {}
 
   Sample sample() override {
-    const bool free_first = (count_++ & 1u) != 0;
-    double free = 0.0;
-    if (free_first) free = seconds_of(false);
-    const double deterministic = seconds_of(true);
-    if (!free_first) free = seconds_of(false);
+    const auto [deterministic, free] = in_turns(
+        count_++, [&] { return seconds_of(true); }, [&] { return seconds_of(false); });
     return {deterministic / free};
   }
 
@@ -224,8 +221,8 @@ class RecordsAtEqualError : public Judged {
   Hits which_;
   Image truth_;
   double own_square_ = 0.0;  // mean square of its own error
-  std::size_t fine_ =
-      kAccuracies.size() / 2 - 1;  // the coarsest accuracy that was good enough in the last sample
+  // The coarsest accuracy that was good enough in the last sample.
+  std::size_t fine_ = kAccuracies.size() / 2 - 1;
 };
 
 // What adding records to those that the occlusion Hessian makes would gain, pixel by pixel.

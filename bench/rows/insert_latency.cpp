@@ -45,11 +45,9 @@ class InsertLatency : public Experiment {
   Sample sample() override {
     if (team_.size() < 2) return {0.0, "this process may use a single processing unit"};
     const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size()));
-    const bool below_first = (count_++ & 1u) != 0;
-    Measured above, below;
-    if (below_first) below = measure<Below>(first, !is_idle_below);
-    above = measure<Above>(first, true);
-    if (!below_first) below = measure<Below>(first, !is_idle_below);
+    const auto [above, below] = in_turns(
+        count_++, [&] { return measure<Above>(first, true); },
+        [&] { return measure<Below>(first, !is_idle_below); });
     const double reached = is_idle_below ? above.reached : std::min(above.reached, below.reached);
     if (reached < kEnough) {
       return {0.0,

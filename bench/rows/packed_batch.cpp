@@ -37,11 +37,8 @@ class SingleOverBatch : public Experiment {
       session.query_batch(before, std::span(answers_).first(before.size()));
       return seconds([&] { session.query_batch(timed, std::span(answers_).first(timed.size())); });
     };
-    const bool batch_first = (count_++ & 1u) != 0;
-    double batch = 0.0;
-    if (batch_first) batch = time_batch();
-    const double single = time_single();
-    if (!batch_first) batch = time_batch();
+    const auto [single, batch] = in_turns(
+        count_++, [&] { return time_single(); }, [&] { return time_batch(); });
     return {single / batch};
   }
 

@@ -83,11 +83,8 @@ class ScalarOverVectors : public Experiment {
         for (int round = 0; round < kRounds; ++round) repeat(kernels, calls);
       });
     };
-    const bool scalar_first = (count_++ & 1u) != 0;
-    double scalar = 0.0;
-    if (scalar_first) scalar = time(ScalarLanes::best());
-    const double vectors = time(SimdLanes::best());
-    if (!scalar_first) scalar = time(ScalarLanes::best());
+    const auto [scalar, vectors] = in_turns(
+        count_++, [&] { return time(ScalarLanes::best()); }, [&] { return time(SimdLanes::best()); });
     return {scalar / vectors};
   }
 

@@ -24,11 +24,8 @@ class Oversubscribed : public Experiment {
         many_(machine.topology, Placement::compact, std::min(4 * machine.units(), kMaxThreads)) {}
 
   Sample sample() override {
-    const bool many_first = (count_++ & 1u) != 0;
-    TrialOutcome many, all;
-    if (many_first) many = trial(many_);
-    all = trial(all_);
-    if (!many_first) many = trial(many_);
+    const auto [all, many] = in_turns(
+        count_++, [&] { return trial(all_); }, [&] { return trial(many_); });
     switch (figure_) {
       case Oversubscription::throughput:
         return {all.wall_ns / many.wall_ns};

@@ -82,11 +82,8 @@ class QueryRatio : public Experiment {
 
   Sample sample() override {
     const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size()));
-    const bool below_first = (count_++ & 1u) != 0;
-    double above = 0.0, below = 0.0;
-    if (below_first) below = time(below_, first);
-    above = time(above_, first);
-    if (!below_first) below = time(below_, first);
+    const auto [above, below] = in_turns(
+        count_++, [&] { return time(above_, first); }, [&] { return time(below_, first); });
     return {above / below};
   }
 

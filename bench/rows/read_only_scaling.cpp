@@ -31,11 +31,8 @@ class ReadOnlyScaling : public Experiment {
       return {0.0, "the processing units are of several speeds"};
     const double before = computation_scaling();
     const TrialSetup one{one_, machine_.work, machine_.seed, 0}, all{all_, machine_.work, machine_.seed, 0};
-    double single = 0.0, together = 0.0;
-    const bool single_first = (count_++ & 1u) != 0;
-    if (single_first) single = wall_ns(one);
-    together = wall_ns(all);
-    if (!single_first) single = wall_ns(one);
+    const auto [together, single] = in_turns(
+        count_++, [&] { return wall_ns(all); }, [&] { return wall_ns(one); });
     const double scaling = single / together / machine_.units();
     const double idle = std::min(before, computation_scaling());
     if (idle < kIdle) {

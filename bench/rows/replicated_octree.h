@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include "caches/large_page_allocator.h"
 #include "caches/packed_reach.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
+#include "core/large_page_allocator.h"
 #include "core/octree.h"
 
 namespace icbench {

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "harness/calibrated_work.h"
 #include "harness/statistics.h"
@@ -37,6 +38,19 @@ double seconds(F&& f) {
   const auto start = std::chrono::steady_clock::now();
   f();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// What both sides give, one called right after the other; in every other sample the second goes first, so that neither
+/// always finds what the other left behind.
+template <class F, class G>
+auto in_turns(std::uint64_t sample, F&& first, G&& second) {
+  using Both = std::pair<decltype(first()), decltype(second())>;
+  if (sample % 2 != 0) {
+    auto of_second = second();
+    return Both{first(), std::move(of_second)};
+  }
+  auto of_first = first();
+  return Both{std::move(of_first), second()};
 }
 
 /// One sample of a row: a ratio, or the reason why this one does not count.

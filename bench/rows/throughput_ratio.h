@@ -22,11 +22,8 @@ class ThroughputRatio : public Experiment {
 
   Sample sample() override {
     const TrialSetup setup{team_, machine_.work, machine_.seed + count_, 0};
-    const bool below_first = (count_++ & 1u) != 0;
-    double above = 0.0, below = 0.0;
-    if (below_first) below = throughput<Below>(setup);
-    above = throughput<Above>(setup);
-    if (!below_first) below = throughput<Below>(setup);
+    const auto [above, below] = in_turns(
+        count_++, [&] { return throughput<Above>(setup); }, [&] { return throughput<Below>(setup); });
     return {above / below};
   }
 

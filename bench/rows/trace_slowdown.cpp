@@ -45,11 +45,8 @@ class TraceSlowdown : public Experiment {
         traced_(machine, integrator, &recorder_) {}
 
   Sample sample() override {
-    const bool traced_first = (frame_ & 1u) != 0;
-    double plain = 0.0;
-    if (!traced_first) plain = plain_.seconds(frame_);
-    const double traced = traced_.seconds(frame_);
-    if (traced_first) plain = plain_.seconds(frame_);
+    const auto [plain, traced] = in_turns(
+        frame_, [&] { return plain_.seconds(frame_); }, [&] { return traced_.seconds(frame_); });
     ++frame_;
     return {traced / plain};
   }

@@ -33,6 +33,7 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <optional>
 #include <string>
@@ -206,12 +207,13 @@ inline bool write_at(int fd, const unsigned char* from, std::size_t n, std::uint
   return true;
 }
 
-/// A file that gets its name when it is whole.
+/// A file that gets its name when it is whole. A symbolic link that leads to a file is followed, and permissions stay.
+/// As replace_file of files/output_file.h, but for programs without exceptions, and without the C++ file system library.
 class Replacement {
  public:
   /// `what` the file holds, for messages.
   explicit Replacement(const std::string& path, std::string_view what = "the cache")
-      : path_(path), what_(what) {}
+      : path_(path), what_(what), target_(path) {}
   Replacement(const Replacement&) = delete;
   Replacement& operator=(const Replacement&) = delete;
   ~Replacement() {
@@ -220,8 +222,13 @@ class Replacement {
 
   Failure open() {
     struct stat there {};
-    if (::stat(path_.c_str(), &there) == 0 && !S_ISREG(there.st_mode))
+    const bool is_there = ::stat(path_.c_str(), &there) == 0;
+    if ((is_there && !S_ISREG(there.st_mode)) || names_a_descriptor())
       return failure("this is no regular file; name another");
+    if (char* const resolved = ::realpath(path_.c_str(), nullptr)) {
+      target_ = resolved;
+      std::free(resolved);
+    }
     // Without a name until it is whole, so that a process that is killed leaves nothing; where that cannot be had, with
     // one.
     if (::access("/proc/self/fd", X_OK) == 0)
@@ -230,7 +237,9 @@ class Replacement {
       file_.reset(::open(name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
       return file_.get() >= 0;
     };
-    return file_.get() >= 0 || with_a_name(create) ? Failure{} : failure_of(errno);
+    if (file_.get() < 0 && !with_a_name(create)) return failure_of(errno);
+    if (is_there) (void)::fchmod(file_.get(), there.st_mode & 0777);  // some file systems have none
+    return {};
   }
 
   /// Keeps the first error for `finish`.
@@ -247,7 +256,7 @@ class Replacement {
       };
       if (!with_a_name(link)) error_ = errno;
     }
-    if (error_ == 0 && ::rename(temporary_.c_str(), path_.c_str()) != 0) error_ = errno;
+    if (error_ == 0 && ::rename(temporary_.c_str(), target_.c_str()) != 0) error_ = errno;
     if (error_ != 0) return failure_of(error_);
     file_.reset();
     file_.reset(::open(folder().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -258,8 +267,15 @@ class Replacement {
 
  private:
   std::string folder() const {
-    const std::size_t slash = path_.rfind('/');
-    return slash == path_.npos ? "." : path_.substr(0, slash + 1);
+    const std::size_t slash = target_.rfind('/');
+    return slash == target_.npos ? "." : target_.substr(0, slash + 1);
+  }
+
+  // Another name of an open file, which has one of its own or none.
+  bool names_a_descriptor() const {
+    const std::string_view path = path_;
+    return path == "/dev/stdout" || path == "/dev/stderr" || path.starts_with("/dev/fd/") ||
+           path.starts_with("/proc/self/fd/");
   }
 
   // Whether `make` made something of a name of its own, whoever else is writing a file of that path: in another thread,
@@ -270,7 +286,7 @@ class Replacement {
     constexpr int kTries = 100;
     for (int i = 0; i < kTries; ++i) {
       // Relaxed: numbers only have to be distinct.
-      std::string name = path_ + ".tmp" + std::to_string(::getpid()) + "." +
+      std::string name = target_ + ".tmp" + std::to_string(::getpid()) + "." +
                          std::to_string(next.fetch_add(1, std::memory_order_relaxed));
       if (make(name.c_str())) {
         temporary_ = std::move(name);
@@ -288,7 +304,7 @@ class Replacement {
     return failure(std::string(std::strerror(code)) + "; choose another place");
   }
 
-  std::string path_, what_, temporary_;
+  std::string path_, what_, target_, temporary_;
   Descriptor file_;
   int error_ = 0;
 };

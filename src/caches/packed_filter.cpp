@@ -1,6 +1,7 @@
+// Compiled once for each kind of machine; what is the same for all of them comes first, once.
 #include "caches/packed_filter.h"
 
-#ifndef ICBENCH_LANE_ORDERS  // once, not for every kind of machine
+#ifndef ICBENCH_LANE_ORDERS
 #define ICBENCH_LANE_ORDERS
 #include <array>
 #include <cstdint>

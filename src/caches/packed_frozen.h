@@ -15,7 +15,6 @@
 #include <span>
 #include <vector>
 
-#include "caches/large_page_allocator.h"
 #include "caches/packed_filter.h"
 #include "caches/packed_lanes.h"
 #include "caches/packed_reach.h"
@@ -23,6 +22,7 @@
 #include "caches/tidy.h"
 #include "core/cache.h"
 #include "core/interpolation.h"
+#include "core/large_page_allocator.h"
 #include "core/octree.h"
 
 namespace icbench {

@@ -10,13 +10,13 @@
 #include <cstdint>
 #include <cstdlib>
 #include <span>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "core/counters.h"
 #include "core/octree.h"
 #include "core/parallel.h"
+#include "core/processing_units.h"
 #include "core/types.h"
 
 namespace icbench {
@@ -53,17 +53,16 @@ std::uint64_t lay_out_in_space(Structure& structure, const OctreeAddressing& add
   structure.clear();
   fresh_workspaces();
   if (records.empty()) return 0;
-  const std::size_t threads = std::clamp<std::size_t>(
-      records.size() / kLeastShare, 1,
-      std::min<std::size_t>(workspaces, std::max(1u, std::thread::hardware_concurrency())));
-  const std::size_t share = (records.size() + threads - 1) / threads;
-  parallel_chunks(records.size(), share, [&](std::size_t begin, std::size_t end) noexcept {
-    auto& own = workspace(begin / share);
+  const std::size_t threads = std::clamp<std::size_t>(records.size() / kLeastShare, 1,
+                                                      std::min<std::size_t>(workspaces, processing_units()));
+  parallel_chunks(threads, 1, [&](std::size_t i, std::size_t) noexcept {
+    const std::size_t begin = records.size() * i / threads, end = records.size() * (i + 1) / threads;
+    auto& own = workspace(i);
     structure.prefault(own, static_cast<std::uint32_t>(end - begin));
     NoCounters uncounted;
-    for (std::size_t i = begin; i < end; ++i) {
+    for (std::size_t at = begin; at < end; ++at) {
       // An empty structure has room for all that it promises; a lost record would break that.
-      if (!structure.insert(own, records[order[i]], uncounted)) std::abort();
+      if (!structure.insert(own, records[order[at]], uncounted)) std::abort();
     }
   });
   return records.size();

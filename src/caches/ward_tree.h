@@ -239,8 +239,8 @@ class WardTree {
   static constexpr std::uint64_t kSpareRoom = 2;
   static constexpr std::uint32_t kNodePiece = 64;  // 4 KiB
   static constexpr std::uint32_t kPerNode = 4;     // records that one is expected for, on large pages
-  static constexpr std::uint32_t kIdleNodes =
-      2 * kNodePiece + 1;  // a session's: the rest of two pieces, and a spare
+  // A session's: the rest of two pieces, and a spare.
+  static constexpr std::uint32_t kIdleNodes = 2 * kNodePiece + 1;
   static constexpr std::size_t kUpdateGrain = 1024;
 
   // Nodes are never constructed: zeroed memory is an empty node by the requirement on Sync (core/sync.h).

@@ -127,6 +127,7 @@ void animate_command(const AnimateOptions& o) {
   nlohmann::ordered_json per_frame = nlohmann::ordered_json::array();
   for (const std::uint32_t frame : rendered) {
     const FrameCost cost = renderer.render(frame);
+    if (frame == 0) tell_few_vpls(setup.request(), cost.pass);
     if (keeps) {
       write_image(frame_path(o, frame), renderer.picture(), {ExrSample::float_bits, o.exposure});
       preview->add(renderer.picture());

@@ -20,7 +20,6 @@ struct CheckFailed : std::runtime_error {
 const std::vector<std::string>& command_line();
 
 void add_animate(CLI::App& app);
-void add_compare(CLI::App& app);
 void add_list(CLI::App& app);
 void add_pareto(CLI::App& app);
 void add_preempt(CLI::App& app);

@@ -3,6 +3,7 @@
 #include "cli/compare.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -72,7 +74,7 @@ std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
 }
 
 /// What tells a frame from the others of its folder: its name behind frame_, without leading zeros.
-std::string number_of(const fs::path& frame) {
+std::string digits_of(const fs::path& frame) {
   const std::string text = frame.stem().string().substr(std::string_view("frame_").size());
   return text.substr(std::min(text.find_first_not_of('0'), text.size()));
 }
@@ -98,7 +100,7 @@ std::vector<fs::path> frames_of(const std::string& folder) {
         folder));
   }
   std::sort(frames.begin(), frames.end(), [](const fs::path& a, const fs::path& b) {
-    const std::string x = number_of(a), y = number_of(b);
+    const std::string x = digits_of(a), y = digits_of(b);
     return std::tuple(x.size(), x) < std::tuple(y.size(), y);
   });
   return frames;
@@ -247,6 +249,13 @@ Json compare_images(const CompareOptions& options, const std::vector<const Metri
   return json;
 }
 
+/// Whether a frame's number is the next after another's.
+bool follows(const fs::path& before, const fs::path& frame) {
+  const auto number = [](const fs::path& path) { return number_of<std::uint64_t>("0" + digits_of(path)); };
+  const auto first = number(before), second = number(frame);
+  return first && second && *second == *first + 1;
+}
+
 /// Frame by frame, two images and a difference in memory.
 Json compare_folders(const CompareOptions& options, const std::vector<const Metric*>& metrics, bool prints) {
   const std::vector<fs::path> references = frames_of(options.reference), images = frames_of(options.image);
@@ -256,7 +265,7 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
                     options.reference, options.image, references.size(), images.size()));
   }
   for (std::size_t i = 0; i < references.size(); ++i) {
-    if (number_of(references[i]) == number_of(images[i])) continue;
+    if (digits_of(references[i]) == digits_of(images[i])) continue;
     throw std::runtime_error(
         fmt::format("'{}' and '{}' are no frame of one number; the folders must hold the same frames",
                     references[i].string(), images[i].string()));
@@ -285,7 +294,7 @@ Json compare_folders(const CompareOptions& options, const std::vector<const Metr
     }
     std::vector<Figure> figures;
     try {
-      flicker.add(reference, image);
+      flicker.add(reference, image, i != 0 && follows(images[i - 1], images[i]));
       figures = figures_of(reference, image, metrics, options.viewing, map_place);
     } catch (const std::runtime_error& error) {
       throw std::runtime_error(fmt::format("{}: {}", images[i].string(), error.what()));
@@ -405,7 +414,8 @@ void add_compare(CLI::App& app) {
       ->add_option("B", options->image,
                    "What to judge, of the same size and number of frames;\nfolders give the mean of every "
                    "metric and flicker,\n"
-                   "the RMS change of B - A from frame to frame")
+                   "the RMS change of B - A from each frame to the next; none\n"
+                   "where no frame follows another")
       ->type_name("PATH")
       ->required();
   command->add_option("--metrics", options->metrics, help)

@@ -45,8 +45,8 @@ void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry
   if (o.given_to == nullptr) return;
   std::vector<const char*> idle;
   for (const ParticularOption& option : kParticularOptions) {
-    const CLI::Option* const known =
-        o.given_to->get_option_no_throw(option.name);  // not all subcommands have all
+    // Not all subcommands have all.
+    const CLI::Option* const known = o.given_to->get_option_no_throw(option.name);
     if (!option.is_used_by(integrator) && known != nullptr && known->count() > 0) idle.push_back(option.name);
   }
   if (!idle.empty())
@@ -145,18 +145,40 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
         "move them off it",
         rays_->scene().meshes[hidden->mesh].name, 100.0 * hidden->share));
   }
-  request_ =
-      std::make_unique<FrameRequest>(FrameRequest{*rays_,  *team_,          integrator, cache,
-                                                  width,   height,          o.spp,      light_samples_of(o),
-                                                  o.rays,  o.vpls,          o.accuracy, interpolation.level,
-                                                  tiles,   o.seed,          {},         o.cell_size,
-                                                  o.paths, o.deterministic, o.overture, o.leak_guard});
+  request_ = std::make_unique<FrameRequest>(FrameRequest{
+      .rays = *rays_,
+      .team = *team_,
+      .integrator = integrator,
+      .cache = cache,
+      .width = width,
+      .height = height,
+      .spp = o.spp,
+      .light_samples = light_samples_of(o),
+      .gather = o.rays,
+      .vpls = o.vpls,
+      .a = o.accuracy,
+      .interpolation = interpolation.level,
+      .tiles = tiles,
+      .seed = o.seed,
+      .cell_size = o.cell_size,
+      .paths = o.paths,
+      .deterministic = o.deterministic,
+      .overture = o.overture,
+      .leak_guard = o.leak_guard,
+  });
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(*request_));
 }
 
 void FrameSetup::tell_notes() const {
   for (const std::string& note : notes_) fmt::print(stderr, "note: {}\n", note);
   warn_of_options_without_effect(options_, request_->integrator);
+}
+
+void FrameSetup::require_frame(std::uint32_t number) const {
+  const std::uint32_t frames = rays_->scene().frames;
+  if (number < frames) return;
+  throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", number,
+                                       options_.scene, frames, frames == 1 ? "" : "s"));
 }
 
 nlohmann::ordered_json FrameSetup::asked() const {
@@ -197,6 +219,13 @@ void require_room(const FrameRequest& request, const CacheUse& use) {
                   use.full,
                   request.cache.traits.name == "null" ? "'null' keeps none: take another cache"
                                                       : "take a coarser --accuracy or fewer --spp"));
+}
+
+void tell_few_vpls(const FrameRequest& request, const PassFigures& pass) {
+  if (!request.integrator.uses_vpls || 2 * pass.vpls_in_use >= request.vpls) return;
+  constexpr std::string_view kWhy =
+      "light seldom reaches a surface, and how bright the picture is goes by chance";
+  fmt::print(stderr, "note: {} virtual point lights of {}: {}\n", pass.vpls_in_use, request.vpls, kWhy);
 }
 
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost) {

@@ -42,6 +42,9 @@ class FrameSetup {
   /// options were given and have no effect on the integrator. To be called once nothing is refused any more.
   void tell_notes() const;
 
+  /// Throws std::runtime_error with one line if the scene has no such frame.
+  void require_frame(std::uint32_t number) const;
+
   RayTracer& rays() noexcept { return *rays_; }
   FrameRequest& request() noexcept { return *request_; }
 
@@ -58,6 +61,10 @@ class FrameSetup {
 
 /// Throws CheckFailed if --deterministic could not be kept: records found no room in the cache, and which did was chance.
 void require_room(const FrameRequest& request, const CacheUse& use);
+
+/// A line on standard error if there are far fewer virtual point lights than were asked for: the picture then goes by
+/// chance.
+void tell_few_vpls(const FrameRequest& request, const PassFigures& pass);
 
 /// Adds the figures of a frame, or of several together, to `j`; those that the integrator has.
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost);

@@ -9,6 +9,7 @@
 #include <iostream>
 
 #include "cli/command.h"
+#include "cli/compare.h"
 #include "core/names.h"
 #include "files/output_file.h"
 #include "harness/build_info.h"
@@ -68,8 +69,8 @@ int report(std::string line, int status) {
 void occupy_standard_streams() {
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (fcntl(stream, F_GETFD) >= 0) continue;
-    const int taken =
-        open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);  // the lowest free number
+    // The lowest free number.
+    const int taken = open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);
     if (taken > stream) close(taken);
   }
 }

@@ -40,11 +40,6 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
 /// A hash as results hold it: a file may change under its name, and what was measured of it before is then of another.
 inline std::string key_text(std::uint64_t key) { return fmt::format("{:016x}", key); }
 
-/// Whether lines for people may go to standard output: not where `results`, a path or empty, may be that itself.
-inline bool may_print_beside(const std::string& results) {
-  return results.empty() || std::filesystem::is_regular_file(results);
-}
-
 /// A placement by its name, the nearest match offered for an unknown one.
 inline Placement placement_of(std::string_view name) {
   constexpr std::string_view kKnown[] = {"compact", "scatter", "none"};
@@ -54,16 +49,22 @@ inline Placement placement_of(std::string_view name) {
   return parse_placement(name);
 }
 
+/// The number that all of `text` is; none if it is none.
+template <class T>
+std::optional<T> number_of(std::string_view text) {
+  T value = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, value);
+  return error == std::errc{} && end == last ? std::optional<T>(value) : std::nullopt;
+}
+
 /// A whole number from `low` to `high`, decimal digits only.
 template <class T>
 T parse_whole(std::string_view option, std::string_view text, T low, T high) {
-  T value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size() || value < low || value > high) {
-    throw std::runtime_error(
-        fmt::format("{} '{}' is not a whole number from {} to {}", option, text, low, high));
-  }
-  return value;
+  const std::optional<T> value = number_of<T>(text);
+  if (value && *value >= low && *value <= high) return *value;
+  throw std::runtime_error(
+      fmt::format("{} '{}' is not a whole number from {} to {}", option, text, low, high));
 }
 
 template <class T>
@@ -114,14 +115,12 @@ CLI::Option* add_whole(CLI::App* app, const std::string& name, Value& value, T l
 inline CLI::Option* add_positive(CLI::App* app, const std::string& name, float& value, float high,
                                  const std::string& help, float low = 0.0f) {
   const auto set = [&value, name, low, high](const std::string& text) {
-    float number = 0.0f;
-    const char* const last = text.data() + text.size();
-    const auto [end, error] = std::from_chars(text.data(), last, number);
-    if (error != std::errc{} || end != last || !(number > 0.0f && number >= low && number <= high)) {
+    const std::optional<float> number = number_of<float>(text);
+    if (!number || !(*number > 0.0f && *number >= low && *number <= high)) {
       throw std::runtime_error(
           fmt::format("{} '{}' is not a number in {}{}, {}]", name, text, low > 0.0f ? "[" : "(", low, high));
     }
-    value = number;
+    value = *number;
   };
   return app->add_option_function<std::string>(name, set, help)
       ->type_name("X")
@@ -173,6 +172,12 @@ inline void require_writable(std::string_view option, const std::filesystem::pat
 /// Whether a command tells its figures in words: not where standard output may be the file of its results.
 inline bool tells_figures(const std::filesystem::path& results) {
   return results.empty() || !is_written_in_place(results);
+}
+
+/// Where a program prints its tables that tells them in any case: beside its results on standard output they would be
+/// no part of the file.
+inline std::FILE* tables_stream(const std::filesystem::path& results) {
+  return tells_figures(results) ? stdout : stderr;
 }
 
 /// A file by the option or argument that names it; none if the path is empty.

@@ -187,11 +187,7 @@ void pareto_command(const ParetoOptions& o) {
   frame.cache = o.cache;
   frame.threads = o.threads;
   FrameSetup setup(frame);
-  const std::uint32_t frames = setup.rays().scene().frames;
-  if (o.frame >= frames) {
-    throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", o.frame,
-                                         o.scene, frames, frames == 1 ? "" : "s"));
-  }
+  setup.require_frame(o.frame);
   const ParetoRequest request{setup.request(), label_of(o.scene), o.frame,
                               o.repetitions,   o.reference_spp,   o.seed};
   require_memory(fmt::format("{} settings at {}", points.size(), o.size),
@@ -223,9 +219,12 @@ void pareto_command(const ParetoOptions& o) {
                            {"frame", o.frame},
                            {"seed", o.seed},
                            {"environment", environment_identity(context)}};
-  if (!o.images.empty())
-    context["images"] = fs::absolute(o.images).lexically_relative(fs::absolute(o.out).parent_path()).string();
+  if (!o.images.empty()) {
+    const fs::path folder = fs::weakly_canonical(fs::absolute(o.out)).parent_path();
+    context["images"] = fs::weakly_canonical(fs::absolute(o.images)).lexically_relative(folder).string();
+  }
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
+  if (!o.images.empty()) results.note("images", context["images"]);
 
   Progress preparing("reference", ParetoStudy::reference_work(request));
   ParetoStudy study(request, [&](double work) { preparing.advance(work); });
@@ -290,6 +289,7 @@ void add_pareto(CLI::App& app) {
           "--images", o->images,
           "Also write pictures with error maps, of what each method\nmakes in the time of path with 16 "
           "and with 64 samples")
+      ->check(is_named)
       ->type_name("DIR");
   pareto->callback([o] { pareto_command(*o); });
 }

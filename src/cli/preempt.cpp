@@ -122,7 +122,7 @@ void preempt_command(const PreemptOptions& o) {
         fmt::format("{} trials were invalid and have no row, so '{}' stays incomplete; the first: {}",
                     invalid.size(), o.out, invalid.front()));
   results.finish();
-  if (may_print_beside(o.out)) print_summary(rows);
+  if (tells_figures(o.out)) print_summary(rows);
   progress.finish();
 }
 

@@ -154,11 +154,7 @@ void render_command(const RenderOptions& o) {
   setup.request().residual_share = o.residual;
   setup.request().keeps_residual = o.is_unbiased || !o.residual_out.empty();
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(setup.request()));
-  const std::uint32_t frames = setup.rays().scene().frames;
-  if (o.frame >= frames) {
-    throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", o.frame,
-                                         o.scene, frames, frames == 1 ? "" : "s"));
-  }
+  setup.require_frame(o.frame);
   const CacheContent content = content_of(o, setup.rays().scene());
   if (!o.load_cache.empty()) setup.request().records = load_records(o, setup.rays().scene());
   // Never finished, only wiped: the last line is the one on standard output, once everything is written.
@@ -170,6 +166,7 @@ void render_command(const RenderOptions& o) {
   if (extension_of(o.out) == ".exr" && o.given_to->count("--exposure") > 0)
     tell_without_effect("icbench", "--exposure", "on EXR pictures");
   const FrameCost cost = renderer.render(o.frame);
+  tell_few_vpls(setup.request(), cost.pass);
   Image picture = renderer.picture();
   if (o.is_unbiased) renderer.add_residual(picture);
   write_image(o.out, picture, {ExrSample::float_bits, o.exposure, o.is_unbiased});

@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 
+#include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
@@ -40,20 +41,6 @@ std::vector<unsigned> default_threads(const Topology& topology) {
   std::vector<unsigned> out{1};
   if (units > 1) out.push_back(units);
   out.push_back(std::min(4 * units, kMaxThreads));
-  return out;
-}
-
-/// All is without the oracle, which is a hundred times slower than anything of use.
-std::vector<const CacheEntry*> caches_of(const std::string& text) {
-  std::vector<const CacheEntry*> out;
-  if (text == "all") {
-    for (const CacheEntry& e : all_caches())
-      if (e.traits.name != "brute_force") out.push_back(&e);
-    return out;
-  }
-  const std::vector<std::string> names = split_list("--caches", text);
-  require_distinct("--caches", names);
-  for (const std::string& name : names) out.push_back(&find_cache(name));
   return out;
 }
 
@@ -102,11 +89,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
   FrameOptions frame = o.frame;
   frame.threads = 1;  // of what all teams share
   FrameSetup setup(frame);
-  const std::uint32_t frames = setup.rays().scene().frames;
-  if (o.number >= frames) {
-    throw std::runtime_error(fmt::format("--frame {}: scene '{}' has {} frame{}, counted from 0", o.number,
-                                         o.frame.scene, frames, frames == 1 ? "" : "s"));
-  }
+  setup.require_frame(o.number);
   const Topology topology = Topology::of_this_process();
   const std::vector<unsigned> threads = o.threads.empty() ? default_threads(topology) : o.threads;
   const std::vector<RepeatabilityPoint> points = repeatability_points(caches, threads);
@@ -123,15 +106,13 @@ void repeatability_command(const RepeatabilityOptions& o) {
   info.placement = request.placement;
   info.thread_counts = threads;
   const Json context = environment(topology, info);
-  std::vector<std::string> names;
-  for (const CacheEntry* cache : caches) names.emplace_back(cache->traits.name);
   Json configuration = setup.asked();
   configuration.erase("threads");
   configuration.erase("cache");
   configuration.erase("light_samples");
   configuration.update(Json{{"command", "repeatability"},
                             {"scene_key", key_text(picture_key(setup.rays().scene(), o.number))},
-                            {"caches", names},
+                            {"caches", names_of(caches)},
                             {"thread_counts", threads},
                             {"placement", o.frame.placement},
                             {"tiles", o.frame.tiles},
@@ -170,7 +151,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
     }
   }
   results.finish();
-  if (may_print_beside(o.out)) print_summary(rows);
+  if (tells_figures(o.out)) print_summary(rows);
   progress.finish();
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/options.h"
 #include "harness/environment.h"
@@ -42,13 +43,6 @@ std::vector<unsigned> parse_cores(std::string_view text) {
   return out;
 }
 
-std::vector<std::string> all_but_the_oracle() {
-  std::vector<std::string> out;
-  for (const CacheEntry& e : all_caches())
-    if (e.traits.name != "brute_force" && has_model(e.traits)) out.emplace_back(e.traits.name);
-  return out;
-}
-
 /// N numbers of nanoseconds, "23,107,197".
 template <std::size_t N>
 std::array<double, N> parse_times(std::string_view option, const std::string& text) {
@@ -60,10 +54,9 @@ std::array<double, N> parse_times(std::string_view option, const std::string& te
   std::array<double, N> out{};
   if (items.size() != N) throw refused("of nanoseconds");
   for (std::size_t i = 0; i < N; ++i) {
-    const char* const last = items[i].data() + items[i].size();
-    const auto [end, error] = std::from_chars(items[i].data(), last, out[i]);
-    if (error != std::errc{} || end != last || !(out[i] >= 0.0 && out[i] <= 1e6))
-      throw refused("from 0 to 1e6");
+    const std::optional<double> number = number_of<double>(items[i]);
+    if (!number || !(*number >= 0.0 && *number <= 1e6)) throw refused("from 0 to 1e6");
+    out[i] = *number;
   }
   return out;
 }
@@ -76,9 +69,9 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   for (const std::string& text : split_list("--workloads", workloads)) {
     r.workloads.push_back(parse_workload(text));
   }
-  r.caches = o.caches == "all" ? all_but_the_oracle() : split_list("--caches", o.caches);
-  for (const std::string& name : r.caches) find_cache(name);
-  require_distinct("--caches", r.caches);
+  std::vector<const CacheEntry*> caches = caches_of(o.caches);
+  if (o.caches == "all") std::erase_if(caches, [](const CacheEntry* e) { return !has_model(e->traits); });
+  r.caches = names_of(caches);
   std::vector<std::string> names;
   for (const WorkloadSpec& w : r.workloads) names.push_back(w.name);
   require_distinct("--workloads", names);
@@ -139,7 +132,7 @@ void validate(Simulation& simulation, const Topology& topology, const SimulateOp
   simulation.calibration().validation = outcome;
   write_validated(simulation.calibration(), simulation.request().calibration_path);
   results.finish();
-  if (may_print_beside(o.out_or_default())) fmt::print("{}", table);
+  if (tells_figures(o.out_or_default())) fmt::print("{}", table);
   if (!outcome.holds())
     throw CheckFailed(
         fmt::format("{}, by the costs that are kept {:.1f} %; at most {:.0f} % was to be reached", line,
@@ -243,10 +236,8 @@ void add_simulate(CLI::App& app) {
       ->type_name("LIST");
   add_whole(simulate, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
             "Seed of points, operations and of who gets a lock");
-  simulate
-      ->add_option("--calibration", o->calibration,
-                   "Costs (JSON) (default: icbench/calibration.json in\n$XDG_CACHE_HOME or ~/.cache)")
-      ->type_name("FILE");
+  add_file(simulate, "--calibration", o->calibration,
+           "Costs (JSON) (default: icbench/calibration.json in\n$XDG_CACHE_HOME or ~/.cache)");
   simulate->add_flag("--recalibrate", o->recalibrate,
                      "Measure all costs anew; what was validated is forgotten");
   CLI::Option* const transfers =
@@ -257,6 +248,7 @@ void add_simulate(CLI::App& app) {
               "sockets (default: "
               "measured, 107, 197; as an\nAMD EPYC 7R13, see src/simulate/machine.h); such rows were "
               "not\nvalidated")
+          ->check(is_named)
           ->type_name("A,B,C");
   CLI::Option* const hand_over =
       simulate
@@ -265,6 +257,7 @@ void add_simulate(CLI::App& app) {
               "Nanoseconds for handing a lock to a thread that sleeps: of the call\nthat wakes it, and "
               "until it runs (default: measured, by how long\nit has slept); such rows were not "
               "validated")
+          ->check(is_named)
           ->type_name("A,B");
   add_whole(simulate, "--complex", o->complex_cores, 1u, 8192u,
             "Cores that share a last-level cache; a validation is of one\n--complex and one --socket");

@@ -10,6 +10,7 @@
 #include <optional>
 #include <utility>
 
+#include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/options.h"
 #include "files/json_file.h"
@@ -17,6 +18,7 @@
 #include "harness/perf_counters.h"
 #include "harness/progress.h"
 #include "harness/timeline.h"
+#include "workload/names.h"
 
 namespace icbench {
 namespace {
@@ -35,22 +37,12 @@ struct SweepOptions {
   const CLI::App* given_to = nullptr;
 };
 
-/// All but the oracle, which is a hundred times slower than anything of use.
-std::vector<std::string> default_caches() {
-  std::vector<std::string> out;
-  for (const CacheEntry& e : all_caches()) {
-    if (e.traits.name != "brute_force") out.emplace_back(e.traits.name);
-  }
-  return out;
-}
-
 SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   SweepRequest request;
   for (const std::string& text : split_list("--workloads", o.workloads)) {
     request.workloads.push_back(parse_workload(text));
   }
-  request.caches = o.caches == "all" ? default_caches() : split_list("--caches", o.caches);
-  for (const std::string& name : request.caches) find_cache(name);
+  request.caches = names_of(caches_of(o.caches));
   request.threads = o.threads;
   if (request.threads.empty())
     request.threads = default_thread_counts(static_cast<unsigned>(topology.units().size()));
@@ -60,7 +52,6 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   request.latency_every = o.breakdown ? 1 : o.latency_every;  // every operation is timed then
   request.reference_spp = o.reference_spp;
   request.breakdown = o.breakdown;
-  require_distinct("--caches", request.caches);
   for (WorkloadSpec& w : request.workloads)
     if (w.kind == WorkloadKind::trace) w.checksum = trace_checksum(w);
   std::vector<std::string> names;
@@ -90,6 +81,10 @@ nlohmann::ordered_json configuration_of(const SweepRequest& r, const nlohmann::o
 }
 
 void tell_options_without_effect(const SweepOptions& o, const SweepRequest& request) {
+  for (const WorkloadSpec& w : request.workloads)
+    for (const std::string& key : w.idle)
+      tell_without_effect("icbench", fmt::format("{} of workload '{}'", key, w.name),
+                          fmt::format("on {}", to_string(w.method)));
   const auto is_given = [&](const char* option) { return o.given_to->count(option) > 0; };
   if (o.timeline.empty() && is_given("--timeline-events"))
     tell_without_effect("icbench", "--timeline-events", "without --timeline");
@@ -280,11 +275,9 @@ void add_sweep(CLI::App& app) {
       "--breakdown", o->breakdown,
       "Tell where the threads' time goes (fields time_*), and what the\nhardware counts, where it "
       "does; every operation is timed then");
-  sweep
-      ->add_option("--timeline", o->timeline,
-                   "Also what each thread did in the first repetition (Trace Event\nJSON, for Perfetto or "
-                   "plots/timeline.py); one point only")
-      ->type_name("FILE");
+  add_file(sweep, "--timeline", o->timeline,
+           "Also what each thread did in the first repetition (Trace Event\nJSON, for Perfetto or "
+           "plots/timeline.py); one point only");
   add_whole(sweep, "--timeline-events", o->timeline_events,
             static_cast<std::uint32_t>(Timeline::kLeastEvents),
             static_cast<std::uint32_t>(Timeline::kMostEvents), "Events in it at most; the longest are kept");

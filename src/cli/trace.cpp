@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/frame_options.h"
 #include "cli/options.h"
@@ -83,6 +84,7 @@ void capture_command(const CaptureOptions& o) {
   json["seconds"] = seconds;
   json["frames"] = std::move(per_frame);
   if (!o.json.empty()) write_json(o.json, json);
+  if (!tells_figures(o.json)) return;
   fmt::print("{}: {} queries, {} records made, {} frame{} in {:.2f} s; {:.1f} bytes a query\n", o.out,
              writer.operations(), writer.records(), o.frames, o.frames == 1 ? "" : "s", seconds,
              bytes_per_query);
@@ -157,7 +159,7 @@ void info_command(const InfoOptions& o) {
                            {"records_digest", fmt::format("{:016x}", f.digest)}});
   }
   if (!o.json.empty()) write_json(o.json, j);
-  if (!may_print_beside(o.json)) return;
+  if (!tells_figures(o.json)) return;
   fmt::print("{}: {} by {}, {}x{} at {} spp, {} frame{}; captured with {}, {} thread{}\n", o.file, c.scene,
              c.integrator, c.width, c.height, c.spp, trace.frames.size(), trace.frames.size() == 1 ? "" : "s",
              c.cache, c.config.max_sessions, c.config.max_sessions == 1 ? "" : "s");
@@ -185,24 +187,16 @@ struct ReplayOptions {
 };
 
 double parse_scale(const std::string& text) {
-  double scale = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), scale);
-  if (error != std::errc{} || end != text.data() + text.size() || !(scale >= 0.0 && scale <= 1e6))
+  const std::optional<double> scale = number_of<double>(text);
+  if (!scale || !(*scale >= 0.0 && *scale <= 1e6))
     throw std::runtime_error(fmt::format("--scale '{}' is not a number from 0 to 1e6", text));
-  return scale;
+  return *scale;
 }
 
 SweepRequest request_of(const ReplayOptions& o, const Topology& topology) {
   SweepRequest request;
   request.workloads.push_back(trace_workload(o.file, o.scale, o.as_captured));
-  if (o.caches == "all") {
-    for (const CacheEntry& e : all_caches())
-      if (e.traits.name != "brute_force") request.caches.emplace_back(e.traits.name);
-  } else {
-    request.caches = split_list("--caches", o.caches);
-  }
-  for (const std::string& name : request.caches) find_cache(name);
-  require_distinct("--caches", request.caches);
+  request.caches = names_of(caches_of(o.caches));
   request.threads = o.threads;
   if (request.threads.empty()) request.threads = {static_cast<unsigned>(topology.units().size())};
   request.placement = placement_of(o.placement);
@@ -272,7 +266,7 @@ void replay_command(const ReplayOptions& o) {
     }
   }
   if (results) results->finish();
-  if (!may_print_beside(o.json)) return;
+  if (!tells_figures(o.json)) return;
   for (const std::string& cache : request.caches) {
     for (const unsigned threads : request.threads) {
       const SweepPoint point{0, &find_cache(cache), threads};
@@ -335,8 +329,7 @@ void add_replay(CLI::App& trace) {
             "Of the order of caches, and of which operations are timed");
   add_whole(replay, "--latency-every", o->latency_every, 0u, 1u << 30,
             "Time one operation in so many; 1 times all, 0 none");
-  replay->add_option("--json", o->json, "Also write rows like those of a sweep to this file")
-      ->type_name("FILE");
+  add_file(replay, "--json", o->json, "Also write rows like those of a sweep to this file");
   replay->callback([o] { replay_command(*o); });
 }
 

@@ -83,14 +83,14 @@ struct CacheTraits {
 };
 
 struct CacheConfig {
-  Bounds
-      bounds{};  ///< records and queries outside are refused; octrees reckon with the bounds of what is shown
-  float a_max =
-      0.5f;        ///< coarsest accuracy that will be asked for; fixes the extents records are stored under
+  /// Records and queries outside are refused; octrees reckon with the bounds of what is shown.
+  Bounds bounds{};
+  /// Coarsest accuracy that will be asked for; fixes the extents records are stored under.
+  float a_max = 0.5f;
   float a = 0.5f;  ///< accuracy of queries, kMinAccuracy <= a <= a_max; smaller is finer
-  std::uint32_t capacity =
-      1 << 20;                     ///< records that fit for certain, by one session; by several: capacity_for
-  std::uint32_t max_sessions = 1;  ///< threads that will open a session
+  /// Records that fit for certain, by one session; by several: capacity_for.
+  std::uint32_t capacity = 1 << 20;
+  std::uint32_t max_sessions = 1;                   ///< threads that will open a session
   LargePages large_pages = LargePages::when_large;  ///< of octrees; large is a capacity over 65,536 records
 };
 

@@ -14,7 +14,8 @@
 #include <exception>
 #include <memory>
 #include <new>
-#include <thread>
+
+#include "core/processing_units.h"
 
 namespace icbench {
 
@@ -76,9 +77,9 @@ class FirstException {
   std::exception_ptr exception_;
 };
 
-/// Calls f(begin, end) for consecutive chunks of at most `grain` that cover [0, n), on as many threads as the machine
-/// has processing units. f is called from several threads at once. If it throws, chunks may be left out, and one of the
-/// exceptions comes out of here when all threads have ended.
+/// Calls f(begin, end) for consecutive chunks of `grain`, the last one perhaps shorter, that cover [0, n): on as many
+/// threads as there are whole chunks, and processing units, at most. f is called from several threads at once. If it
+/// throws, chunks may be left out, and one of the exceptions comes out of here when all threads have ended.
 template <class F>
 void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   std::atomic<std::size_t> next{0};
@@ -93,7 +94,7 @@ void parallel_chunks(std::size_t n, std::size_t grain, F&& f) {
   };
   std::size_t workers = n / grain;
   if (workers > 1)  // to count the processors takes longer than a few chunks
-    workers = std::min<std::size_t>(workers, std::max(1u, std::thread::hardware_concurrency()));
+    workers = std::min<std::size_t>(workers, processing_units());
   {
     const Helpers helpers(work, workers > 1 ? workers - 1 : 0);
     work();

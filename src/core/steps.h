@@ -15,8 +15,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
-#include <thread>
 
+#include "core/processing_units.h"
 #include "core/sync.h"
 
 namespace icbench {
@@ -26,7 +26,7 @@ class Steps {
  public:
   explicit Steps(unsigned threads)
       : threads_(static_cast<int>(threads)),
-        spins_(threads <= std::thread::hardware_concurrency() ? kSpins : 0),
+        spins_(threads <= processing_units() ? kSpins : 0),
         missing_(threads_) {}
 
   /// This thread's share of a step: calls f(i) for i < n, which all threads together do once for each i, chunks of
@@ -63,8 +63,8 @@ class Steps {
   }
 
  private:
-  static constexpr unsigned kSpins =
-      4096;  // 75 microseconds on an AMD EPYC, about what making a record takes
+  // 75 microseconds on an AMD EPYC, about what making a record takes.
+  static constexpr unsigned kSpins = 4096;
 
   const int threads_;
   const unsigned spins_;

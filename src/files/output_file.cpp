@@ -54,10 +54,10 @@ std::optional<int> named_descriptor(const fs::path& path) {
 
 /// Whether the descriptor is still the file of that name: who held its lock may have deleted or renamed it.
 bool is_current(const Descriptor& file, const fs::path& path) {
-  struct stat open_file {
-  }, named{};
-  return fstat(file.get(), &open_file) == 0 && stat(path.c_str(), &named) == 0 &&
-         open_file.st_ino == named.st_ino && open_file.st_dev == named.st_dev;
+  struct stat opened {};
+  struct stat named {};
+  return fstat(file.get(), &opened) == 0 && stat(path.c_str(), &named) == 0 &&
+         opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
 }  // namespace

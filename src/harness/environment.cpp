@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "harness/build_info.h"
+#include "harness/fnv1a.h"
 #include "harness/machine.h"
 
 namespace icbench {
@@ -69,17 +70,16 @@ std::string executable(const RunInfo& run) {
   return run.command_line.empty() ? "unknown" : run.command_line.front();
 }
 
-/// What tells a program from others of the same commit: a hash (FNV-1a) of its file.
+/// What tells a program from others of the same commit: a hash of its file.
 std::string program_hash() {
   std::ifstream file("/proc/self/exe", std::ios::binary);
-  std::uint64_t hash = 0xcbf29ce484222325u;
+  Fnv1a hash;
   std::vector<char> bytes(1u << 20);
   do {
     file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    for (std::streamsize i = 0; i < file.gcount(); ++i)
-      hash = (hash ^ static_cast<unsigned char>(bytes[static_cast<std::size_t>(i)])) * 0x100000001b3u;
+    hash.add({bytes.data(), static_cast<std::size_t>(file.gcount())});
   } while (file);
-  return fmt::format("{:016x}", hash);
+  return hash.digits();
 }
 
 std::string host_name() {

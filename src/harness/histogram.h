@@ -15,9 +15,11 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "core/sync.h"
+
 namespace icbench {
 
-class alignas(64) Histogram {  // aligned: histograms of several threads may sit side by side
+class alignas(kNoSharing) Histogram {  // aligned: histograms of several threads may sit side by side
  public:
   void record(std::uint64_t value) noexcept {
     ++counts_[bucket(value)];

@@ -40,7 +40,7 @@ Journal::Journal(const fs::path& results) : path_(results) {
   path_ += ".partial";
   file_ = open_alone(path_, O_RDWR | O_APPEND, results);
   struct stat status {};
-  fstat(file_.get(), &status);
+  if (fstat(file_.get(), &status) != 0) throw_output_error(path_, errno);
   size_ = static_cast<std::size_t>(status.st_size);
   sync_directory_of(path_);
 }
@@ -84,8 +84,8 @@ void Journal::append(const std::string& line) {
     write_all(file_, line + '\n', path_);
     sync_file(file_, path_);
   } catch (...) {
-    // Best effort: if this fails too, read cuts the torn line off.
-    if (ftruncate(file_.get(), static_cast<off_t>(size_)) != 0) errno = 0;
+    // If this fails too, read cuts the torn line off.
+    [[maybe_unused]] const int is_cut = ftruncate(file_.get(), static_cast<off_t>(size_));
     throw;
   }
   size_ += line.size() + 1;

@@ -39,7 +39,8 @@ class Journal {
   Contents read();
   /// Forgets everything.
   void clear();
-  /// Adds a line, durably. If that fails the journal is as before, and the error is thrown.
+  /// Adds a line, durably. If that fails the error is thrown, and the journal is as before or ends in a torn line, which
+  /// `read` cuts off: nothing may be appended before.
   void append(const std::string& line);
   /// Deletes the journal; nothing may be appended afterwards.
   void remove();

@@ -109,8 +109,9 @@ std::optional<double> cgroup_cpu_quota(const fs::path& root) {
 std::string frequency_governor(const fs::path& root) {
   std::set<std::string> governors;
   std::error_code ignored;
-  for (const auto& policy : fs::directory_iterator(root / "sys/devices/system/cpu/cpufreq", ignored))
-    if (const std::string name = first_line(policy.path() / "scaling_governor"); !name.empty())
+  fs::directory_iterator policy(root / "sys/devices/system/cpu/cpufreq", ignored);
+  for (; policy != fs::directory_iterator(); policy.increment(ignored))
+    if (const std::string name = first_line(policy->path() / "scaling_governor"); !name.empty())
       governors.insert(name);
   return governors.empty() ? kNotOffered : fmt::format("{}", fmt::join(governors, ","));
 }
@@ -137,8 +138,8 @@ std::string processor_model(const fs::path& root) {
 }
 
 std::string transparent_huge_pages(const fs::path& root) {
-  const std::string modes =
-      first_line(root / "sys/kernel/mm/transparent_hugepage/enabled");  // "always [madvise] never"
+  // "always [madvise] never".
+  const std::string modes = first_line(root / "sys/kernel/mm/transparent_hugepage/enabled");
   const auto open = modes.find('[');
   const auto close = modes.find(']');
   if (open == modes.npos || close == modes.npos || close < open) return kNotOffered;
@@ -186,7 +187,8 @@ std::optional<std::string> hypervisor(const fs::path& root) {
   }
 #endif
   if (std::string type = first_line(root / "sys/hypervisor/type"); !type.empty()) return type;
-  if (fs::exists(root / "sys/firmware/devicetree/base/hypervisor")) return "unknown";
+  std::error_code ignored;
+  if (fs::exists(root / "sys/firmware/devicetree/base/hypervisor", ignored)) return "unknown";
   const std::string product = first_line(root / "sys/class/dmi/id/product_name");
   for (const char* known :
        {"KVM", "QEMU", "VMware", "VirtualBox", "Virtual Machine", "Amazon EC2", "HVM domU"})

@@ -2,7 +2,7 @@
 //
 // On a terminal it is a single line that overwrites itself; elsewhere (a log file, a pipe, TERM=dumb) plain
 // lines, the first after ten seconds, then ever more rarely, at most one a minute. Work that ends before the
-// first line is due leaves no trace but its final line on neither.
+// first line is due prints its final line alone, here and there.
 //
 // advance may be called from several threads at once and costs an atomic addition and a clock reading; one of
 // them prints, the others go on. Not for use inside a measured region. Errors in writing are ignored:

@@ -13,6 +13,7 @@
 
 #include "files/input_file.h"
 #include "harness/environment.h"
+#include "harness/fnv1a.h"
 #include "harness/journal.h"
 
 namespace icbench {
@@ -31,11 +32,10 @@ std::string dump(const Json& j, int indent = -1) {
 /// Keys sorted and numbers as they come back from a file, so that equal configurations compare equal.
 nlohmann::json normalised(const Json& j) { return nlohmann::json::parse(dump(j)); }
 
-/// FNV-1a, 64 bit, as hexadecimal digits.
 std::string hash_of(const nlohmann::json& j) {
-  std::uint64_t h = 0xcbf29ce484222325ULL;
-  for (const char c : j.dump()) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
-  return fmt::format("{:016x}", h);
+  Fnv1a hash;
+  hash.add(j.dump());
+  return hash.digits();
 }
 
 std::string shortened(const nlohmann::json* value) {

@@ -34,8 +34,8 @@ class Journal;
 
 /// One repetition of one benchmark.
 struct Entry {
-  std::string
-      name;  ///< e.g. "sweep/WORKLOAD/CACHE/threads:N"; with repetition_index it names the entry in its file
+  /// E.g. "sweep/WORKLOAD/CACHE/threads:N"; with repetition_index it names the entry in its file.
+  std::string name;
   unsigned repetitions = 1;
   unsigned repetition_index = 0;
   unsigned threads = 1;
@@ -78,6 +78,10 @@ class ResultsWriter {
 
   /// The entries, those of a resumed file included, as they stand in the file. Empty when writing in place.
   std::vector<Json> rows() const;
+
+  /// Sets a field of the context after all, also of a resumed file's, which is the earlier run's; in the file from the
+  /// next time that it is written. When writing in place what is not in it by then stays out.
+  void note(const std::string& key, Json value) { context_[key] = std::move(value); }
 
   /// Makes the entry safe. Throws std::runtime_error if that fails, or if the entry is not usable: there
   /// already, without name, with a time that is no number, with a counter named like a field.

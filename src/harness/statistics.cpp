@@ -1,11 +1,8 @@
 #include "harness/statistics.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <random>
-#include <stdexcept>
 #include <vector>
 
 namespace icbench {
@@ -58,19 +55,6 @@ double quantile(std::span<const double> samples, double p) {
   return quantile_in_place(copy, std::clamp(p, 0.0, 1.0));
 }
 
-double median_absolute_deviation(std::span<const double> samples) {
-  const double middle = median(samples);
-  std::vector<double> deviations(samples.begin(), samples.end());
-  for (double& x : deviations) x = x == middle ? 0.0 : std::abs(x - middle);
-  return median(deviations);
-}
-
-double interquartile_range(std::span<const double> samples) {
-  const double low = quantile(samples, 0.25);
-  const double high = quantile(samples, 0.75);
-  return low == high ? 0.0 : high - low;
-}
-
 Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed) {
   if (samples.size() < kMinSamples || has_nan(samples)) return {};
   std::mt19937_64 random(seed);
@@ -83,15 +67,6 @@ Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed) {
   if (has_nan(medians)) return {};  // a resample straddled both infinities
   const double out = tail(samples.size());
   return {quantile_in_place(medians, out), quantile_in_place(medians, 1.0 - out)};
-}
-
-PairedRatio paired_ratio(std::span<const double> a, std::span<const double> b, std::uint64_t seed) {
-  if (a.size() != b.size())
-    throw std::runtime_error(
-        fmt::format("cannot pair {} with {} samples; measure both sides equally often", a.size(), b.size()));
-  std::vector<double> ratios(a.size());
-  std::transform(a.begin(), a.end(), b.begin(), ratios.begin(), [](double x, double y) { return x / y; });
-  return {median(ratios), bootstrap_median(ratios, seed), ratios.size()};
 }
 
 const char* to_string(Relation relation) noexcept {

@@ -3,7 +3,7 @@
 // Conventions, everywhere in this file:
 //   - Samples are not modified and need no order. One NaN among them makes every result NaN; infinities are
 //     ordered like any other value.
-//   - An empty sample has median, quantiles and spreads NaN.
+//   - An empty sample has median and quantiles NaN.
 //   - Intervals are at 95 %. Fewer than kMinSamples values admit none at that level, nor does a sample with a
 //     NaN: the interval is then (-inf, inf), from which no verdict but `undecided` follows. Equal samples give
 //     a point.
@@ -24,11 +24,6 @@ inline constexpr std::size_t kMinSamples = 6;
 double quantile(std::span<const double> samples, double p);
 inline double median(std::span<const double> samples) { return quantile(samples, 0.5); }
 
-/// Median absolute deviation from the median, unscaled (times 1.4826 it estimates a normal's sigma).
-double median_absolute_deviation(std::span<const double> samples);
-/// quantile(0.75) - quantile(0.25).
-double interquartile_range(std::span<const double> samples);
-
 struct Interval {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
@@ -41,17 +36,6 @@ struct Interval {
 /// its ends are order statistics, so that this goes in steps, from 98.4 % at 7 to 93.5 % at 11. O(n * kResamples).
 inline constexpr unsigned kResamples = 4000;
 Interval bootstrap_median(std::span<const double> samples, std::uint64_t seed);
-
-/// Median of a_i / b_i with its interval.
-struct PairedRatio {
-  double median = std::numeric_limits<double>::quiet_NaN();
-  Interval interval;
-  std::size_t samples = 0;
-};
-
-/// Pairs belong together (measured back to back), so that slow drift of the machine cancels. 0 / 0 is NaN,
-/// and a / 0 infinite. Throws std::runtime_error if the lengths differ.
-PairedRatio paired_ratio(std::span<const double> a, std::span<const double> b, std::uint64_t seed);
 
 enum class Relation : std::uint8_t { at_most, at_least };
 enum class Verdict : std::uint8_t { pass, fail, undecided };

@@ -12,7 +12,6 @@
 #include "harness/thread_team.h"
 
 #include <fmt/format.h>
-#include <time.h>
 
 #include <algorithm>
 #include <chrono>
@@ -21,6 +20,8 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "harness/ticks.h"
+
 namespace icbench {
 namespace {
 
@@ -28,12 +29,6 @@ std::int64_t now_ns() noexcept {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::steady_clock::now().time_since_epoch())
       .count();
-}
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
 }
 
 /// Blocks until `word` holds `wanted`.

@@ -22,6 +22,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "core/sync.h"
 #include "harness/topology.h"
 
 namespace icbench {
@@ -68,7 +69,7 @@ class ThreadTeam {
   using Call = void (*)(void* context, unsigned index);
 
   // Written by its worker alone within a region, read by run after the region.
-  struct alignas(64) Slot {
+  struct alignas(kNoSharing) Slot {
     ThreadTime time;
     std::error_code bind_error;  ///< of the worker's start
     std::exception_ptr error;    ///< of the last region
@@ -88,11 +89,11 @@ class ThreadTeam {
 
   // 32-bit and signed: the one type that the standard library waits on with a bare futex. Each on its own
   // line, since waiters re-read theirs while the others change.
-  alignas(64) std::atomic<int> region_{0};   ///< number of the region that workers may enter
-  alignas(64) std::atomic<int> arrived_{0};  ///< workers at the barrier of this region
-  alignas(64) std::atomic<int> go_{0};       ///< number of the region whose barrier is open
-  alignas(64) std::atomic<int> unfinished_{0};
-  alignas(64) std::atomic<int> finished_{0};  ///< number of the region that all workers have left
+  alignas(kNoSharing) std::atomic<int> region_{0};   ///< number of the region that workers may enter
+  alignas(kNoSharing) std::atomic<int> arrived_{0};  ///< workers at the barrier of this region
+  alignas(kNoSharing) std::atomic<int> go_{0};       ///< number of the region whose barrier is open
+  alignas(kNoSharing) std::atomic<int> unfinished_{0};
+  alignas(kNoSharing) std::atomic<int> finished_{0};  ///< number of the region that all workers have left
 };
 
 }  // namespace icbench

@@ -1,5 +1,7 @@
 #include "harness/ticks.h"
 
+#include <time.h>
+
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -55,8 +57,19 @@ bool processor_has(std::string_view flag) {
 
 }  // namespace
 
+std::int64_t thread_cpu_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
+}
+
 nlohmann::ordered_json TickRate::to_json() const {
   return {{"source", source}, {"ns_per_tick", ns_per_tick}, {"spread", spread}, {"invariant", invariant}};
+}
+
+const TickRate& tick_rate() {
+  static const TickRate rate = calibrate_ticks();
+  return rate;
 }
 
 TickRate calibrate_ticks() {

@@ -56,6 +56,9 @@ inline std::uint64_t ticks_between(std::uint64_t from, std::uint64_t to) noexcep
   return to > from ? to - from : 0;
 }
 
+/// Processor time of the calling thread so far.
+std::int64_t thread_cpu_ns() noexcept;
+
 struct TickRate {
   double ns_per_tick = 1.0;  ///< > 0
   double spread = 0.0;  ///< relative difference between the slowest and the fastest try: trust in ns_per_tick
@@ -68,5 +71,8 @@ struct TickRate {
 
 /// Measures the rate against steady_clock: the median of several tries, some 50 ms in all.
 TickRate calibrate_ticks();
+
+/// The same, measured once for the whole process.
+const TickRate& tick_rate();
 
 }  // namespace icbench

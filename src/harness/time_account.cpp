@@ -1,21 +1,10 @@
 #include "harness/time_account.h"
 
-#include <time.h>
-
 #include <limits>
 
 #include "harness/held_thread.h"
 
 namespace icbench {
-namespace {
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
-}
-
-}  // namespace
 
 void TimeBreakdown::add_region(const TeamTimes& times, double merge_wall_ns, double merge_cpu_ns) {
   const auto threads = static_cast<double>(times.threads.size());
@@ -90,12 +79,13 @@ void ThreadAccount::leave(Doing operation, std::uint64_t now, std::uint64_t wait
 }
 
 bool ThreadAccount::stretch(Doing doing, std::uint64_t now, std::uint64_t waited) noexcept {
-  const std::uint64_t length = now - last_;
+  // Counters of two processors may be out of step, and a thread that is not pinned may change between them.
+  const std::uint64_t length = ticks_between(last_, now);
   const bool is_long = length >= long_;
   const std::uint64_t off = is_long ? take_off(now, length) : 0;
   ticks_.add(doing, length, waited, off);
   if (keeps_spans_) log_.add({last_, length, std::min(waited, length), off, doing});
-  last_ = now;
+  last_ = std::max(last_, now);
   return is_long;
 }
 
@@ -108,8 +98,8 @@ void ThreadAccount::settle() noexcept {
 std::uint64_t ThreadAccount::take_off(std::uint64_t now, std::uint64_t length) noexcept {
   const std::int64_t cpu = thread_cpu_ns();
   const double off_ns =
-      static_cast<double>(now - read_at_) * ns_per_tick_ - static_cast<double>(cpu - cpu_ns_);
-  read_at_ = now;
+      static_cast<double>(ticks_between(read_at_, now)) * ns_per_tick_ - static_cast<double>(cpu - cpu_ns_);
+  read_at_ = std::max(read_at_, now);
   cpu_ns_ = cpu;
   pending_ += static_cast<std::int64_t>(off_ns / ns_per_tick_);
   if (pending_ <= 0) return 0;

@@ -24,6 +24,7 @@
 #include <span>
 #include <vector>
 
+#include "core/sync.h"
 #include "harness/perf_counters.h"
 #include "harness/thread_team.h"
 #include "harness/ticks.h"
@@ -48,8 +49,8 @@ struct ThreadTicks {
   std::uint64_t other = 0;      ///< on a processor, between operations otherwise
   std::uint64_t lock_wait = 0;  ///< on a processor, before a lock: spinning
   std::uint64_t wanting = 0;    ///< off the processor, before a lock
-  std::uint64_t holding =
-      0;  ///< off the processor, in an operation otherwise: holding a lock, if there is one
+  /// Off the processor, in an operation otherwise: holding a lock, if there is one.
+  std::uint64_t holding = 0;
   std::uint64_t displaced = 0;  ///< off the processor, between operations
   std::uint64_t records = 0;    ///< stretches of Doing::record: a number, not a time
 
@@ -147,7 +148,7 @@ class SpanLog {
 };
 
 /// The account of one thread. begin and end, and all between, are called by it alone.
-class alignas(128) ThreadAccount {
+class alignas(kNoSharing) ThreadAccount {
  public:
   /// Stretches that are followed by a look at the processor clock. Nanoseconds.
   static constexpr double kLong = 20'000.0;

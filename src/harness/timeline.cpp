@@ -54,7 +54,7 @@ void Timeline::add_region(const TeamTimes& times, std::span<ThreadAccount> accou
     const double begin = so_far_ns_ + skew;
     if (skew > 0.0) events_.push_back({kBarrier, i, so_far_ns_, skew});
     for (const Span& s : account.log().spans()) {
-      const double at = begin + rate_.to_ns(s.begin - account.begin_ticks());
+      const double at = begin + rate_.to_ns(ticks_between(account.begin_ticks(), s.begin));
       events_.push_back({name_of(s.doing), i, at, rate_.to_ns(s.length), rate_.to_ns(s.off)});
       if (s.waited != 0) events_.push_back({kWait, i, at, rate_.to_ns(s.waited), 0.0, true});
     }

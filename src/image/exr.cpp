@@ -124,7 +124,9 @@ bool is_grey(const Imf::ChannelList& channels) {
     return channel && channel->xSampling == 1 && channel->ySampling == 1;
   };
   if (std::all_of(kChannels.begin(), kChannels.end(), is_full)) return false;
-  if (is_full("Y") && !channels.findChannel("RY") && !channels.findChannel("BY")) return true;
+  const auto has = [&](const char* name) { return channels.findChannel(name) != nullptr; };
+  // Y of colour differences or of CIE XYZ is not all there is.
+  if (is_full("Y") && !has("RY") && !has("BY") && !has("X") && !has("Z")) return true;
   throw std::runtime_error("the OpenEXR image has neither channels R, G, B nor Y alone, at full resolution");
 }
 

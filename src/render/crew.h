@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <functional>
 
+#include "core/sync.h"
 #include "render/ray_tracer.h"
 
 namespace icbench {
@@ -23,7 +24,7 @@ class Crew {
   template <class F>
   void for_each(std::size_t n, std::size_t grain, F&& f) {
     if (n == 0) return;
-    alignas(64) std::atomic<std::size_t> next{0};
+    alignas(kNoSharing) std::atomic<std::size_t> next{0};
     run([&](unsigned thread, Tracer& tracer) {
       for (;;) {
         // Relaxed: chunks only have to be distinct; run orders what is in them.

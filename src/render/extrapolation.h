@@ -40,7 +40,9 @@
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
 // distances is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/TRIED.md). Where
-// nothing has told the mean, E is the record's own. Of light that comes straight from lamps by way of mirrors and glass
+// nothing has told the mean, E is the record's own. Where the rays tell irradiance to more than kMostErrorOfLight they
+// know no derivatives of it, and the ellipse is a circle by the mean distance: else records that found no light would
+// reach farthest. By geometry lambda / E is that of one radiance everywhere, whatever the rays found. Of light that comes straight from lamps by way of mirrors and glass
 // the Hessian knows nothing; particles tell where it is and how far a record may count beside it (render/caustics.h).
 //
 // Of Radiance's rules one is not kept: its largest radius is at most 64 times its least. Here that may be 100 times

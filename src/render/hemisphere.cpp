@@ -187,11 +187,13 @@ glm::mat2 occlusion_hessian(const Hemisphere& seen, float near) noexcept {
 }
 
 glm::mat2 geometric_hessian(const Hemisphere& seen, float near) noexcept {
-  constexpr float kLeastCosine = 0.2f;  // surfaces seen at a slant are not what one sample makes of them
   float mean = 0.0f;
   for (const HemisphereSample& s : seen.samples) mean += luminance(s.L);
-  const auto cells = static_cast<float>(seen.samples.size());
-  mean /= cells;
+  return kPi * mean / static_cast<float>(seen.samples.size()) * relative_geometric_hessian(seen, near);
+}
+
+glm::mat2 relative_geometric_hessian(const Hemisphere& seen, float near) noexcept {
+  constexpr float kLeastCosine = 0.2f;  // surfaces seen at a slant are not what one sample makes of them
   glm::mat2 sum(0.0f);
   for (const HemisphereSample& s : seen.samples) {
     if (!std::isfinite(s.t)) continue;
@@ -207,7 +209,7 @@ glm::mat2 geometric_hessian(const Hemisphere& seen, float near) noexcept {
     sum +=
         (e.large * glm::outerProduct(e.axis, e.axis) + e.small * glm::outerProduct(other, other)) / (t * t);
   }
-  return kPi * mean / cells * sum;
+  return sum / static_cast<float>(seen.samples.size());
 }
 
 NearSurfaces near_surfaces(const Hemisphere& seen, float near) noexcept {

@@ -86,13 +86,16 @@ glm::mat2 occlusion_hessian(const Hemisphere& seen, float near) noexcept;
 /// The same by geometry alone: positive semidefinite.
 glm::mat2 geometric_hessian(const Hemisphere& seen, float near) noexcept;
 
+/// That over the irradiance, 1/m^2: it does not depend on what light the samples found.
+glm::mat2 relative_geometric_hessian(const Hemisphere& seen, float near) noexcept;
+
 /// What the surfaces that are near say of how far light stays as it is.
 struct NearSurfaces {
   /// Sum of (n_g . u) (n_g . u)^T / t over the cells, along the axes of the basis: how much what is near faces each
   /// direction of the tangent plane. Symmetric, positive semidefinite, finite.
   glm::mat2 facing{0.0f};
-  float
-      distance_of_light;  ///< harmonic mean of distances by the radiance of each, metres; infinite in the dark
+  /// Harmonic mean of distances by the radiance of each, metres; infinite in the dark.
+  float distance_of_light;
 };
 
 /// Distances count as `near` at least (metres, > 0).

@@ -70,8 +70,8 @@ inline glm::vec2 middle_of_leak_sector(std::uint32_t sector) noexcept {
 /// Where something stands around a record, by azimuth in the basis of its normal.
 struct LeakMarks {
   std::uint32_t sectors = 0;  ///< bit i: in leak_sector i
-  float nearest =
-      std::numeric_limits<float>::infinity();  ///< how near it may be along the tangent plane, metres
+  /// How near it may be along the tangent plane, metres.
+  float nearest = std::numeric_limits<float>::infinity();
 };
 
 /// What is taken for the marks of a record of which nothing is known.

@@ -45,8 +45,8 @@ struct Visible;
 
 struct PrimaryHits {
   int width = 0, height = 0;
-  std::vector<Hit>
-      hits;  ///< of the diffuse surface that counts most, row-major, top row first; missed() if there is none
+  /// Of the diffuse surface that counts most, row-major, top row first; missed() if there is none.
+  std::vector<Hit> hits;
 
   // Empty in scenes without specular surfaces, where every weight is 1.
   std::vector<glm::vec3> weights;               ///< of `hits`

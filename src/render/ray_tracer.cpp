@@ -213,8 +213,8 @@ RayTracer::~RayTracer() = default;
 
 void RayTracer::place(std::uint32_t mesh, const Pose& pose) {
   placed_[mesh].pose = pose;
-  const glm::mat3& m =
-      pose.linear;  // cofactors: the inverse transposed, up to the determinant, which is positive
+  // Cofactors: the inverse transposed, up to the determinant, which is positive.
+  const glm::mat3& m = pose.linear;
   placed_[mesh].normals = {glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])};
 }
 

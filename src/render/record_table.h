@@ -3,9 +3,9 @@
 // is in the cache alone.
 //
 // Records are named by a 32-bit id, which is their place here. Blocks of 16, with bits or without, are taken from the
-// system as they are needed, so memory follows the number of records, but for a pointer a block of the capacity;
-// threads draw free ids in batches of a block. What a thread writes to an id of its own is read by others only between
-// frames, when all is quiescent.
+// system as they are needed, and kept, so memory is that of the most records there were, but for a pointer a block of
+// the capacity; threads draw free ids in batches of a block. What a thread writes to an id of its own is read by others
+// only between frames, when all is quiescent.
 #pragma once
 
 #include <algorithm>
@@ -36,8 +36,8 @@ struct KeptRecord {
 
   glm::vec3 p{0.0f};   ///< metres
   PackedNormal n, ng;  ///< shading and geometric normal
-  std::uint32_t met =
-      0;  ///< compensation rays that met a surface so near that the clamp took light (a bit each)
+  /// Compensation rays that met a surface so near that the clamp took light (a bit each).
+  std::uint32_t met = 0;
   std::uint16_t mesh = 0;  ///< that it lies on; kManyMeshes for that one and all beyond
   std::uint8_t state = free;
   DistanceCodes distances{};

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/cache.h"
+#include "render/camera.h"
 #include "render/integrators.h"
 #include "render/place_hash.h"
 
@@ -72,6 +73,8 @@ TemporalSource::TemporalSource(const PassSetup& s)
       vpls_(s.rays, {s.vpls, s.seed, s.vpl_paths}),
       radius_(s.rays.scene().bounds, radius_limits(s.rays.scene().bounds)),
       clamp_(vpl_clamp(s.rays.scene().bounds)),
+      width_(s.width),
+      height_(s.height),
       table_(capacity_of(s), s.crew.size()),
       extrapolated_(extrapolates(s.interpolation)),
       shapes_(shapes_beside_cache(s)),
@@ -90,10 +93,11 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   const bool swept = std::exchange(sweeping_, false);
   c.light_changed = light.any() || change.lights || change.materials;
   c.surfaces_changed = change.materials;
+  c.camera = change.camera;
   changed_ = !c.boxes.empty() || c.light_changed;
   if (live_ + homeless_ == 0 || (!changed_ && !swept)) {
     figures_.records_kept = live_;
-    begin_sweep_if_due();
+    begin_sweep_if_due(c.camera);
     return RecordsThen::stay;
   }
 
@@ -134,7 +138,7 @@ RecordsThen TemporalSource::begin_frame(const SceneChange& change, Crew& crew) {
   touched += std::exchange(homeless_, 0);
   live_when_swept_ = swept ? live_ : std::min(live_when_swept_, live_);
   ++updates_since_sweep_;
-  begin_sweep_if_due();
+  begin_sweep_if_due(c.camera);
   if (touched != 0) return RecordsThen::update;
   forget_verdicts();
   return RecordsThen::stay;
@@ -153,14 +157,15 @@ void TemporalSource::count_new_records() noexcept {
   }
 }
 
-// What the shadow rays of an update would cost, over those of as many new records. Of some records on what stands
-// still, and that stay: the others are made anew in any case. Which these are, and the result, do not depend on the
-// number of threads. What hides a light already is counted as if it did not.
+// What the shadow rays of an update would cost, over those of as many new records: of those in view, where the camera
+// moved. Of some records on what stands still, and that stay: the others are made anew in any case. Which these are, and
+// the result, do not depend on the number of threads. What hides a light already is counted as if it did not.
 double TemporalSource::share_to_update(const Change& c, Crew& crew) {
   constexpr std::uint64_t kAll = std::numeric_limits<std::uint64_t>::max();
   const std::uint64_t below = live_ <= kLookedAt ? kAll : kAll / live_ * kLookedAt;
   const VplArrays& vpls = vpls_.vpls();
   const std::vector<std::uint64_t> all_vpls(vpls.words(), kAll);
+  const CameraView view(rays_.scene().camera, width_, height_);
   crew.for_each(table_.end(), kGrain, [&](unsigned thread, Tracer&, std::size_t i) {
     const auto id = static_cast<std::uint32_t>(i);
     const KeptRecord& r = table_[id];
@@ -168,7 +173,7 @@ double TemporalSource::share_to_update(const Change& c, Crew& crew) {
     if (record_packing(rays_, r.mesh) == Packing::fast || goes(c, r)) return;
     Worker& w = workers_[thread];
     const Hit point = record_point(r.p, r.n, r.ng);
-    w.rays.anew += count_facing(point, vpls, all_vpls);
+    if (!c.camera || view.shows(r.p)) w.rays.anew += count_facing(point, vpls, all_vpls);
     // Those of a frame in which all was made anew have no bits to tell.
     if (!all_anew_ && !needs_lights_anew(w, c, point, id)) return;
     w.rays.to_moved += count_facing(point, vpls, c.moved_vpls);
@@ -178,9 +183,8 @@ double TemporalSource::share_to_update(const Change& c, Crew& crew) {
   });
   Rays sum;
   for (Worker& w : workers_) sum += std::exchange(w.rays, {});
-  if (sum.anew == 0) return 0.0;
-  return (kExactCost * static_cast<double>(sum.to_moved) + static_cast<double>(sum.past_moving)) /
-         static_cast<double>(sum.anew);
+  const double cost = kExactCost * static_cast<double>(sum.to_moved) + static_cast<double>(sum.past_moving);
+  return cost == 0.0 ? 0.0 : cost / static_cast<double>(sum.anew);  // infinite if none is in view
 }
 
 void TemporalSource::forget_records() {
@@ -191,10 +195,10 @@ void TemporalSource::forget_records() {
   out_of_room_ = false;
 }
 
-void TemporalSource::begin_sweep_if_due() noexcept {
+void TemporalSource::begin_sweep_if_due(bool camera_moved) noexcept {
   const auto growth = static_cast<std::uint64_t>(kGrowth * static_cast<double>(live_when_swept_));
   const bool is_due = live_ > live_when_swept_ + std::max(growth, kLeastGrowth) ||
-                      updates_since_sweep_ >= kSweepUpdates || out_of_room_;
+                      updates_since_sweep_ >= kSweepUpdates || out_of_room_ || (changed_ && camera_moved);
   if (!is_due) return;
   out_of_room_ = false;
   updates_since_sweep_ = 0;

@@ -36,12 +36,14 @@
 // Where so much moves that an update would take most of the rays that new records do (share_to_update), which is asked
 // of a few records each time, nothing is kept but light paths: all records are dropped, and made as those on meshes
 // that move are, with fast packing. The next change then drops them in any case. So a frame takes no longer than one of
-// instant caching, but for little.
+// instant caching, but for little. Where the camera moves as well, as many records come into view as leave it, and
+// instant caching makes no others: an update of what is out of sight is for nothing. So it is compared with new records
+// of those in view, and queries tell of their use in every frame, so that what left the picture goes before the next.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is. A guard against leaks (render/leak_guard.h) keeps nothing.
 //
-// Memory beside the cache's: for each record 48 bytes, and a bit a VPL if it lies on what stands still and is kept
+// Memory beside the cache's: for each record, of the most there were, 48 bytes, and a bit a VPL if it lies on what stands still and is kept
 // (render/record_table.h); and the VPLs. While an update lasts, 13 bytes a record more.
 #pragma once
 
@@ -158,12 +160,13 @@ class TemporalSource final : public RecordSource {
     bool light_changed = false;              // any VPL, or what may reach compensation rays
     bool surfaces_changed = false;           // what any surface reflects
     bool unused_goes = false;
+    bool camera = false;  // moved
   };
 
   void count_new_records() noexcept;
   double share_to_update(const Change& change, Crew& crew);
   void forget_records();
-  void begin_sweep_if_due() noexcept;
+  void begin_sweep_if_due(bool camera_moved) noexcept;
   static bool goes(const Change& change, const KeptRecord& r) noexcept;
   bool is_near_change(const Change& change, const KeptRecord& r) const noexcept;
   bool needs_lights_anew(Worker& w, const Change& change, const Hit& point, std::uint32_t id) noexcept;
@@ -185,6 +188,7 @@ class TemporalSource final : public RecordSource {
   VplSet vpls_;
   RadiusRays radius_;
   float clamp_;
+  int width_, height_;  // pixels
   RecordTable table_;
   bool extrapolated_;                     // records have details in shapes_, by the ids of table_
   std::unique_ptr<RecordShapes> shapes_;  // shapes_beside_cache

@@ -29,11 +29,12 @@ std::uint64_t morton_code(const Tile& t, int size) {
 }  // namespace
 
 TileOrder parse_tile_order(std::string_view name) {
-  if (name == "scanline") return TileOrder::scanline;
-  if (name == "morton") return TileOrder::morton;
-  if (name == "random") return TileOrder::random;
-  constexpr std::string_view kKnown[] = {"scanline", "morton", "random"};
-  throw std::runtime_error(unknown_name("tile order", name, kKnown));
+  std::vector<std::string_view> known;
+  for (const TileOrder order : {TileOrder::scanline, TileOrder::morton, TileOrder::random}) {
+    known.push_back(to_string(order));
+    if (known.back() == name) return order;
+  }
+  throw std::runtime_error(unknown_name("tile order", name, known));
 }
 
 std::vector<Tile> make_tiles(int width, int height, int size, TileOrder order, std::uint64_t seed) {

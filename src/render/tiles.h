@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/sync.h"
+
 namespace icbench {
 
 inline constexpr int kFrameTile = 16;  ///< edge of the tiles that pictures are made of, pixels
@@ -21,6 +23,18 @@ enum class TileOrder : std::uint8_t {
   morton,    ///< along a Z-curve: neighbours in time are neighbours in the image
   random     ///< seeded shuffle: threads hardly ever work side by side
 };
+
+constexpr std::string_view to_string(TileOrder order) noexcept {
+  switch (order) {
+    case TileOrder::scanline:
+      return "scanline";
+    case TileOrder::morton:
+      return "morton";
+    case TileOrder::random:
+      return "random";
+  }
+  return "unknown";
+}
 
 /// Throws std::runtime_error naming the orders if there is none of that name.
 TileOrder parse_tile_order(std::string_view name);
@@ -41,12 +55,9 @@ class TileCursor {
     return i < tiles_->size() ? &(*tiles_)[i] : nullptr;
   }
 
-  /// Starts over. Quiescent: no call of next may be in flight.
-  void reset() noexcept { next_.store(0, std::memory_order_relaxed); }  // relaxed: the caller synchronises
-
  private:
   const std::vector<Tile>* tiles_;
-  alignas(64) std::atomic<std::size_t> next_{0};  // a line of its own: every thread writes it
+  alignas(kNoSharing) std::atomic<std::size_t> next_{0};  // a line of its own: every thread writes it
 };
 
 }  // namespace icbench

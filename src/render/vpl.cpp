@@ -401,10 +401,4 @@ VplChange trace_all(VplSet& set, Tracer& tracer) {
   return update.commit();
 }
 
-VplChange retrace(VplSet& set, Tracer& tracer, std::uint32_t path) {
-  VplUpdate update(set, {path});
-  update.trace(tracer, 0);
-  return update.commit();
-}
-
 }  // namespace icbench

@@ -46,8 +46,8 @@ static_assert(sizeof(Vpl) == 36);
 /// VPLs by slot, one array per component, for SIMD.
 class VplArrays {
  public:
-  static constexpr std::size_t kWord =
-      64;  ///< slots come in whole words of this many: a bit each in std::uint64_t
+  /// Slots come in whole words of this many: a bit each in std::uint64_t.
+  static constexpr std::size_t kWord = 64;
 
   VplArrays() = default;
   /// All slots free; their number is rounded up to whole words.
@@ -58,7 +58,6 @@ class VplArrays {
 
   Vpl operator[](std::size_t slot) const noexcept;
   void set(std::size_t slot, const Vpl& vpl) noexcept;
-  bool is_free(std::size_t slot) const noexcept { return (*this)[slot].flux == glm::vec3(0.0f); }
   void grow(std::size_t slots);  ///< keeps what there is
 
   enum Component : std::size_t { kPx, kPy, kPz, kNx, kNy, kNz, kRed, kGreen, kBlue, kComponents };
@@ -153,8 +152,8 @@ class VplSet {
 
   const RayTracer* rays_;
   std::uint64_t seed_;
-  float
-      beyond_;  // metres; what lies this far and its distance from the origin from a point is outside the scene
+  // Metres; what lies this far and its distance from the origin from a point is outside the scene.
+  float beyond_;
   VplArrays vpls_;
   std::vector<std::uint64_t> used_;  // slots, a bit each
   std::size_t first_free_word_ = 0;  // none before it
@@ -209,8 +208,5 @@ class VplUpdate {
 
 /// All of it in the calling thread.
 VplChange trace_all(VplSet& set, Tracer& tracer);
-
-/// Traces one path anew in the calling thread.
-VplChange retrace(VplSet& set, Tracer& tracer, std::uint32_t path);
 
 }  // namespace icbench

@@ -46,8 +46,8 @@ Scene empty_room() {
 Motion bounce(int which, const glm::vec2& at) {
   const auto i = static_cast<float>(which);
   const float delay = i * (std::numbers::phi_v<float> - 1.0f);  // no two leap together
-  const float angle =
-      0.5f * std::numbers::pi_v<float> + 0.35f * std::sin(2.4f * i);  // more or less to the camera
+  // More or less to the camera.
+  const float angle = 0.5f * std::numbers::pi_v<float> + 0.35f * std::sin(2.4f * i);
   return [=](float frame) {
     const float leap = kBounces * frame / static_cast<float>(kLoopFrames) + delay;
     const float t = leap - std::floor(leap);

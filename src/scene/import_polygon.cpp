@@ -98,8 +98,8 @@ class EarClipper {
 
   std::vector<glm::dvec2> p_;
   std::vector<std::uint32_t> next_, before_;
-  std::vector<std::uint32_t>
-      in_the_way_;  // by corner: another one in its triangle, perhaps cut off since; kNone: unknown
+  // By corner: another one in its triangle, perhaps cut off since; kNone: unknown.
+  std::vector<std::uint32_t> in_the_way_;
   std::vector<bool> is_cut_;
   std::vector<glm::uvec3> triangles_;
   double tolerance_;

@@ -47,8 +47,8 @@ std::vector<T> sorted_set(std::vector<T> items) {
 }  // namespace
 
 bool drop_second_faces(std::span<const StandingGlass> glass, double tolerance) {
-  std::set<std::pair<std::uint32_t, std::vector<Place>>>
-      known;  // sheets by group and the places of their vertices
+  // Sheets by group and the places of their vertices.
+  std::set<std::pair<std::uint32_t, std::vector<Place>>> known;
   bool found = false;
   for (const StandingGlass& g : glass) {
     const auto place_of = [&](std::uint32_t vertex) {

@@ -40,8 +40,8 @@ struct Material {
   glm::vec3 emission{0.0f};  ///< radiance emitted from the front, RGB >= 0, W/(m^2 sr); diffuse surfaces only
   Surface surface = Surface::diffuse;
   float ior = 1.5f;  ///< dielectric: index of refraction inside over outside, in (0, 10], not 1
-  std::uint32_t texture =
-      kNoTexture;  ///< index into Scene::textures; multiplies the albedo of a diffuse surface
+  /// Index into Scene::textures; multiplies the albedo of a diffuse surface.
+  std::uint32_t texture = kNoTexture;
 
   bool emits() const noexcept { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
   bool is_specular() const noexcept { return surface != Surface::diffuse; }
@@ -74,8 +74,8 @@ struct Mesh {
   std::vector<glm::vec3> normals;     ///< unit, one per position; empty for flat shading
   std::vector<glm::uvec3> triangles;  ///< indices into positions
   std::uint32_t material = 0;         ///< index into Scene::materials
-  std::vector<glm::vec2>
-      uvs{};             ///< texture coordinates, one per position; empty unless the material has a texture
+  /// Texture coordinates, one per position; empty unless the material has a texture.
+  std::vector<glm::vec2> uvs{};
   Motion pose{};         ///< moves rigidly, or affinely; empty: stands where its positions are
   Deformation deform{};  ///< changes shape; excludes `pose`
   /// Index of the mesh whose shape (positions, normals, uvs and triangles) this one has too, its own being empty: the

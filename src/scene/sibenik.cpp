@@ -205,8 +205,8 @@ void add_apse(Parts& church, const Stone& c) {
     const float middle = angle + 0.5f * kPi / kSides;
     const vec3 at(deep * std::cos(middle), 0.0f, kApseZ - deep * std::sin(middle));
     const Pose facing = turned(middle - 0.5f * kPi, at);
-    const float step =
-        0.01f * static_cast<float>(i);  // the walls overlap at their ends: tops in planes of their own
+    // The walls overlap at their ends: tops in planes of their own.
+    const float step = 0.01f * static_cast<float>(i);
     const Polygon outline = rectangle({-0.5f * side - 0.25f, -0.25f - step},
                                       {0.5f * side + 0.25f, kTriumphSpringing + 0.2f + step});
     const bool lit = i > 0 && i + 1 < kSides;

@@ -15,8 +15,8 @@ inline constexpr std::uint32_t kNoTexture = ~0u;
 struct Texture {
   std::string name;  ///< for error messages
   int width = 0, height = 0;
-  std::vector<std::uint8_t>
-      texels;  ///< RGB, sRGB transfer function, row-major, top row first: 3 * width * height
+  /// RGB, sRGB transfer function, row-major, top row first: 3 * width * height.
+  std::vector<std::uint8_t> texels;
 
   /// Linear colour in [0, 1]; (0, 0) is the lower left corner of the image, (1, 1) the upper right, repeated outside.
   /// Not finite coordinates count as 0.

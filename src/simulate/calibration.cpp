@@ -17,6 +17,7 @@
 #include "harness/ticks.h"
 #include "scene/registry.h"
 #include "simulate/engine.h"
+#include "workload/names.h"
 #include "workload/trace_trial.h"
 
 namespace icbench {
@@ -35,11 +36,16 @@ class Samples {
                     static_cast<double>(fresh), ns});
   }
 
+  struct Fit {
+    SizeCost cost{{0.0}};  ///< at no valid record
+    double valid_ns = 0.0, fresh_ns = 0.0;
+    Spread spread{};
+  };
   /// Mean by class of size at no valid record, and by least squares what each valid one and each one that is seen first
   /// adds; and how samples lie about that. Those that are far longer than others of their class were interrupted.
-  SizeCost fit(double& valid_ns, double& fresh_ns, Spread& spread) {
-    valid_ns = fresh_ns = 0.0;
-    if (all_.empty()) return SizeCost({0.0});
+  Fit fit() {
+    if (all_.empty()) return {};
+    double valid_ns = 0.0, fresh_ns = 0.0;
     unsigned most = 0;
     for (const One& s : all_) most = std::max(most, s.size_class);
     std::vector<std::vector<double>> by_class(most + 1);
@@ -97,8 +103,7 @@ class Samples {
       const double expected = out[s.size_class] + valid_ns * s.valid + fresh_ns * s.fresh;
       if (expected > 0.0) ratios.push_back(s.ns / expected);
     }
-    spread = Spread::of(std::move(ratios));
-    return SizeCost(std::move(out));
+    return {SizeCost(std::move(out)), valid_ns, fresh_ns, Spread::of(std::move(ratios))};
   }
 
  private:
@@ -137,11 +142,8 @@ class Sampler {
       if (&segment == &program_.segments().front()) prefault(segment);
       run_segment(segment);
     }
-    OperationCosts out;
-    double unused_valid = 0.0, unused_fresh = 0.0;
-    out.query = queries_.fit(out.valid_ns, out.fresh_ns, out.query_spread);
-    out.insert = inserts_.fit(unused_valid, unused_fresh, out.insert_spread);
-    return out;
+    const Samples::Fit query = queries_.fit(), insert = inserts_.fit();
+    return {query.cost, insert.cost, query.spread, insert.spread, query.valid_ns, query.fresh_ns};
   }
 
  private:
@@ -235,7 +237,7 @@ class Sampler {
   SteppedCache& cache_;
   const Mechanism& mechanism_;
   ThreadTeam& team_;
-  const TickRate rate_ = calibrate_ticks();
+  const TickRate& rate_ = tick_rate();
   double overhead_ = 1e9;
   std::vector<std::uint64_t> own_;
   FreshRecords fresh_;
@@ -259,9 +261,8 @@ double ticks_of_stamp() {
 /// Nanoseconds in the mean of operations that were timed in order and not interrupted; 0 if there are none.
 double mean_ns(const Histogram& timed) {
   if (timed.count() == 0) return 0.0;
-  static const TickRate rate = calibrate_ticks();
   const double most = kInterrupted * static_cast<double>(timed.percentile(0.5));
-  return rate.ns_per_tick *
+  return tick_rate().ns_per_tick *
          std::max(0.0, timed.mean_up_to(static_cast<std::uint64_t>(most)) - ticks_of_stamp());
 }
 
@@ -288,7 +289,7 @@ double merge_of_record(const TrialOutcome& o) {
 }  // namespace
 
 double measured_pace(ThreadTeam& team, const Work& work) {
-  static const TickRate rate = calibrate_ticks();
+  const TickRate& rate = tick_rate();
   // The middle one of many pieces: the others may have waited while something else ran.
   constexpr double kNs = 1e6;
   constexpr int kPieces = 21;
@@ -341,7 +342,7 @@ std::string workload_key(const WorkloadSpec& s) {
     return fmt::format("trace {:016x}{}", s.checksum, s.as_captured ? " as captured" : "");
   return fmt::format("{} {}/1000 inserts, {} records, {} operations, order {}, a {}, scene {}",
                      to_string(s.kind), s.inserts_per_1000, s.prefilled() + s.inserts(), s.operations,
-                     static_cast<int>(s.order), s.a, s.scene);
+                     to_string(s.order), s.a, s.scene);
 }
 
 std::string key_of(std::string_view cache, const std::string& workload) {
@@ -352,10 +353,10 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
                            ThreadTeam* two, const Work& work, const Calibration& machine,
                            std::uint64_t seed) {
   const auto trial = [&](const CacheEntry& entry, std::uint64_t repetition) {
-    return run_trial(entry, plan, {one, work, hash_keys(seed, repetition, 8)});
+    return run_trial(entry, plan, {one, work, repetition_seed(seed, repetition)});
   };
   const auto program = plan.trace ? simulated_program(*plan.trace)
-                                  : simulated_program(*plan.synthetic, 1, hash_keys(seed, 0, 8));
+                                  : simulated_program(*plan.synthetic, 1, repetition_seed(seed, 0));
 
   // The shape: one operation after the other.
   CacheCosts costs;
@@ -397,7 +398,7 @@ CacheCosts calibrate_cache(const CacheEntry& cache, const CalibratedPlan& plan, 
   costs.insert_ns = o.insert_ns / std::max(1.0, static_cast<double>(o.inserts + o.refused));
   const double measured = median(whole) - o.merge_ns;
   if (costs.trial_ns > 0.0 && measured > 0.0) costs.scale(measured / costs.trial_ns);
-  measure_alone(cache, plan, {one, work, hash_keys(seed, 0, 8)}, costs);
+  measure_alone(cache, plan, {one, work, repetition_seed(seed, 0)}, costs);
   return costs;
 }
 

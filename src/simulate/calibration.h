@@ -30,10 +30,10 @@ struct Validation {
   unsigned points = 0;  ///< caches x workloads x thread counts, of more than one thread
   unsigned records_points = 0, waiting_points = 0;  ///< of these, that can repeat work, that can wait
   double throughput_error = 0;                      ///< median of |simulated - measured| / measured
-  double records_error =
-      0;  ///< of redundant records, over the measured ones or 1 % of the records if that is more
-  double waiting_error =
-      0;  ///< of waiting for locks, over the measured one or 1 % of the time if that is more
+  /// Of redundant records, over the measured ones or 1 % of the records if that is more.
+  double records_error = 0;
+  /// Of waiting for locks, over the measured one or 1 % of the time if that is more.
+  double waiting_error = 0;
   /// Of throughput, by the costs that the calibration has since, the middle of those of the moments.
   double file_error = 0;
   std::string date = {}, commit = {};  ///< the build that was validated

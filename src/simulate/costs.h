@@ -52,8 +52,8 @@ struct OperationCosts {
   SizeCost query, insert;
   Spread query_spread{}, insert_spread{};
   double valid_ns = 0.0;  ///< a query, for each valid record
-  double fresh_ns =
-      0.0;  ///< a query, for each valid record that another core inserted and this one sees first
+  /// A query, for each valid record that another core inserted and this one sees first.
+  double fresh_ns = 0.0;
 };
 
 /// Of one cache under one workload, nanoseconds.

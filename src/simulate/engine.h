@@ -37,8 +37,8 @@ struct Mechanism {
   enum class NodeLocks : std::uint8_t { none, in_turn, together } node_locks = NodeLocks::none;
   bool has_clock = false;  ///< one word that queries read and inserts write
   bool has_tail = false;   ///< one word that every insert writes
-  bool sees_own_only =
-      false;  ///< until end_frame; queries slow down with its own records, or with all it sees
+  /// Until end_frame; queries slow down with its own records, or with all it sees.
+  bool sees_own_only = false;
   bool searches_own = false;  ///< a query tests its own records one after the other
   enum class Merge : std::uint8_t { none, parallel, serial } merge = Merge::none;
 };

@@ -368,19 +368,19 @@ class DistributedReaders final : public SpinningRw {
   static constexpr double kLooksAtOnce = 4.0;
 
   double read_word(const Visitor& v, double t) override {
-    if (read_since_.size() <= v.thread) read_since_.resize(v.thread + 1), looked_at_.resize(v.thread + 1);
-    if (looked_at_[v.thread]) t += machine_.transfer_ns(line_.owner(), v.core);
-    looked_at_[v.thread] = false;
-    read_since_[v.thread] = true;
+    if (readers_.size() <= v.thread) readers_.resize(v.thread + 1);
+    if (readers_[v.thread].is_looked_at) t += machine_.transfer_ns(line_.owner(), v.core);
+    readers_[v.thread].is_looked_at = false;
+    readers_[v.thread].has_read = true;
     return line_.read(machine_, v.core, t);
   }
   double write_word(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
     double looks = 0.0;
-    for (unsigned reader = 0; reader < read_since_.size(); ++reader) {
-      if (!read_since_[reader]) continue;
-      read_since_[reader] = false;
-      looked_at_[reader] = reader != v.thread;
+    for (unsigned reader = 0; reader < readers_.size(); ++reader) {
+      if (!readers_[reader].has_read) continue;
+      readers_[reader].has_read = false;
+      readers_[reader].is_looked_at = reader != v.thread;
       looks += machine_.transfer_ns(reader % machine_.cores, v.core);
     }
     return t + looks / kLooksAtOnce;
@@ -388,8 +388,11 @@ class DistributedReaders final : public SpinningRw {
   double reader_leaves(const Visitor&, double t) override { return t; }
   const Backoff& backoff() const noexcept override { return kOurs; }
 
-  // By thread: has written its line since a writer looked, and a writer has looked since.
-  std::vector<bool> read_since_, looked_at_;
+  struct Reader {
+    bool has_read = false;      // has written its line since a writer looked
+    bool is_looked_at = false;  // a writer has looked since
+  };
+  std::vector<Reader> readers_;
 };
 
 }  // namespace

@@ -10,7 +10,7 @@
 #include "scene/registry.h"
 #include "simulate/engine.h"
 #include "workload/names.h"
-#include "workload/sweep.h"
+#include "workload/trial_entry.h"
 
 namespace icbench {
 
@@ -52,8 +52,8 @@ struct Simulation::PlanData {
   std::size_t workload = 0;
   std::unique_ptr<SyntheticPlan> synthetic, synthetic_without_work;  // the second if it is another
   std::unique_ptr<TracePlan> trace, trace_without_work;
-  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t>
-      records_of_one_thread;  // by the streams' number and seed
+  // By the streams' number and seed.
+  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t> records_of_one_thread;
 };
 
 /// Threads that measure.
@@ -182,7 +182,7 @@ Moment Simulation::measured_now(const SimulationPoint& point, unsigned repetitio
   out.pace.alone = measured_pace(t.one, t.work);
   if (t.two != nullptr) out.pace.together = measured_pace(*t.two, t.work);
   out.costs = costs_now(out.costs, *point.cache, plan_without_work(point.workload), t.one, t.work,
-                        hash_keys(request_.seed, repetition, 8));
+                        repetition_seed(request_.seed, repetition));
   return out;
 }
 
@@ -193,7 +193,7 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition) {
 Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const Moment& moment) {
   const WorkloadSpec& spec = request_.workloads[point.workload];
   PlanData& data = plan(point.workload);
-  const std::uint64_t seed = hash_keys(request_.seed, repetition, 8);  // as Sweep's
+  const std::uint64_t seed = repetition_seed(request_.seed, repetition);
   MachineModel machine = request_.machine;
   machine.cores = point.cores;
   machine.transfers = request_.transfers.value_or(moment.transfers);
@@ -223,16 +223,11 @@ Entry Simulation::run(const SimulationPoint& point, unsigned repetition, const M
   c["validated_to_threads"] = validation != nullptr ? validation->threads : 0;
   if (validation != nullptr) c["validated_error"] = validation->errors.at(validated_as(point));
   c["calibration"] = request_.calibration_path;
-  c["cache"] = point.cache->traits.name;
-  c["workload"] = spec.name;
-  c["workload_kind"] = to_string(spec.kind);
-  c["structure"] = point.cache->traits.structure;
-  c["mechanism"] = point.cache->traits.mechanism;
-  c["consistency"] = to_string(point.cache->traits.consistency);
+  add_subject(c, point.cache, spec);
+  if (data.trace) c["scene"] = data.trace->trace().context.scene;
   c["placement"] = "compact";
   c["oversubscribed"] = false;
   c["cores"] = point.cores;
-  c["scene"] = data.trace ? data.trace->trace().context.scene : spec.scene;
   const double thread_ns = o.wall_ns * point.cores;
   c["utilisation"] = std::min(1.0, o.busy_ns / thread_ns);
   c["merge_ms"] = 1e-6 * o.merge_ns;

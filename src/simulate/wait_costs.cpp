@@ -302,7 +302,7 @@ void measure_waits(WaitCosts& out) {
 }
 
 void measure_contention(ThreadTeam& two, Transfers& transfers, WaitCosts& waits) {
-  static const TickRate rate = calibrate_ticks();
+  const TickRate& rate = tick_rate();
   transfers = Transfers().with_near(measured_transfer(two, rate));
   measure_waking(two, rate, waits);
   measure_calls_in_vain(two, rate, transfers.ns[0], waits);

@@ -24,8 +24,8 @@ struct CachedPassSetup {
   std::uint32_t prefault = 0;       ///< records that memory is touched for beforehand, by each thread
   std::uint32_t latency_every = 0;  ///< one operation in so many is timed, at random; 0 none
   std::uint64_t seed = 0;           ///< of which operations are timed
-  const RayTracer* deterministic =
-      nullptr;                          ///< of the pictures, if they are to be made in waves (render/waves.h)
+  /// Of the pictures, if they are to be made in waves (render/waves.h).
+  const RayTracer* deterministic = nullptr;
   bool overture = false;                ///< first all records, then the picture
   TraceRecorder* trace = nullptr;       ///< captures what tiles do; not of pictures in waves
   std::span<ThreadAccount> accounts{};  ///< of the crew's threads, if their time is accounted for

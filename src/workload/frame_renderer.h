@@ -41,8 +41,8 @@ struct FrameRequest {
   std::optional<bool> leak_guard{};                      ///< cached integrators: guards_against_leaks
   float residual_share = 0.0f;  ///< of the pixels, drawn for the residual; 0: none is
   bool keeps_residual = false;  ///< its layer, too
-  std::vector<Record>
-      records{};  ///< made before, for the frame that is rendered first: in the cache from the beginning
+  /// Made before, for the frame that is rendered first: in the cache from the beginning.
+  std::vector<Record> records{};
   TraceRecorder* trace = nullptr;  ///< captures what is asked of the cache, if that is not deterministic
 };
 

@@ -4,7 +4,6 @@
 #include <charconv>
 #include <string_view>
 
-#include "render/tiles.h"
 #include "workload/spec.h"
 
 namespace icbench {
@@ -29,18 +28,6 @@ constexpr std::string_view to_string(Method method) noexcept {
       return "path";
     case Method::hash_cells:
       return "hash_cells";
-  }
-  return "unknown";
-}
-
-constexpr std::string_view to_string(TileOrder order) noexcept {
-  switch (order) {
-    case TileOrder::scanline:
-      return "scanline";
-    case TileOrder::morton:
-      return "morton";
-    case TileOrder::random:
-      return "random";
   }
   return "unknown";
 }

@@ -71,17 +71,6 @@ void interpolate_after_overture(FrameRequest& r) {
   r.overture = true;
 }
 
-std::string_view to_string(Interpolation level) {
-  const auto at = std::find_if(kInterpolations.begin(), kInterpolations.end(),
-                               [&](const InterpolationEntry& e) { return e.level == level; });
-  return at->name;
-}
-
-/// The value of a metric that has a single one.
-double figure(MetricFunction metric, const Image& reference, const Image& image) {
-  return first_of(metric(reference, image, nullptr));
-}
-
 Image mean_of(const Image& a, const Image& b) {
   Image out = a;
   for (std::size_t i = 0; i < out.pixels.size(); ++i) out.pixels[i] = 0.5f * (a.pixels[i] + b.pixels[i]);
@@ -175,33 +164,38 @@ std::uint64_t pareto_bytes(const ParetoRequest& r, std::size_t points) {
   const auto pixels = static_cast<std::uint64_t>(r.frame.width) * static_cast<std::uint64_t>(r.frame.height);
   constexpr std::uint64_t kImages = 11;     // references and pictures at a time
   constexpr std::uint64_t kObserver = 300;  // HDR-VDP
-  return pixels * (kObserver + (kImages + 2 * points) * sizeof(glm::vec3) + sizeof(Hit));
+  return pixels * (kObserver + kImages * sizeof(glm::vec3) + 2 * points * sizeof(glm::dvec3) + sizeof(Hit));
 }
 
 void RunErrors::add(const Image& reference, const Image& image) {
-  if (runs_++ == 0) sum_ = squares_ = make_image(image.width, image.height);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    const glm::vec3 difference = image.pixels[i] - reference.pixels[i];
-    sum_.pixels[i] += difference;
-    squares_.pixels[i] += difference * difference;
+  if (runs_++ == 0) {
+    width_ = image.width;
+    height_ = image.height;
+    sums_.assign(image.pixels.size(), glm::dvec3(0.0));
+    squares_ = sums_;
+  }
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const glm::dvec3 difference = glm::dvec3(image.pixels[i]) - glm::dvec3(reference.pixels[i]);
+    sums_[i] += difference;
+    squares_[i] += difference * difference;
   }
 }
 
 RunErrors::Bias RunErrors::bias(const Reference& reference) const {
   const double n = runs_;
-  const int side = std::clamp(std::min(sum_.width, sum_.height) / 16, 1, 8);
-  const auto blocks_x = static_cast<std::size_t>((sum_.width + side - 1) / side);
-  std::vector<double> blocks(blocks_x * static_cast<std::size_t>((sum_.height + side - 1) / side));
-  for (int y = 0; y < sum_.height; ++y)
-    for (int x = 0; x < sum_.width; ++x) {
+  const int side = std::clamp(std::min(width_, height_) / 16, 1, 8);
+  const auto blocks_x = static_cast<std::size_t>((width_ + side - 1) / side);
+  std::vector<double> blocks(blocks_x * static_cast<std::size_t>((height_ + side - 1) / side));
+  for (int y = 0; y < height_; ++y)
+    for (int x = 0; x < width_; ++x) {
       const auto i =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(sum_.width) + static_cast<std::size_t>(x);
-      const glm::dvec3 sum(sum_.pixels[i]), own(reference.half_difference.pixels[i]);
-      const glm::dvec3 squared = (sum * sum - glm::dvec3(squares_.pixels[i])) / (n * (n - 1.0)) - own * own;
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(x);
+      const glm::dvec3 own(reference.half_difference.pixels[i]);
+      const glm::dvec3 squared = (sums_[i] * sums_[i] - squares_[i]) / (n * (n - 1.0)) - own * own;
       blocks[static_cast<std::size_t>(y / side) * blocks_x + static_cast<std::size_t>(x / side)] +=
           squared.x + squared.y + squared.z;
     }
-  const double values = 3.0 * static_cast<double>(sum_.pixels.size());
+  const double values = 3.0 * static_cast<double>(sums_.size());
   double all = 0.0, squares = 0.0;
   for (const double block : blocks) {
     all += block;
@@ -213,12 +207,11 @@ RunErrors::Bias RunErrors::bias(const Reference& reference) const {
 double RunErrors::variance() const noexcept {
   const double n = runs_;
   double all = 0.0;
-  for (std::size_t i = 0; i < sum_.pixels.size(); ++i) {
-    const glm::dvec3 sum(sum_.pixels[i]);
-    const glm::dvec3 own = (glm::dvec3(squares_.pixels[i]) - sum * sum / n) / (n - 1.0);
+  for (std::size_t i = 0; i < sums_.size(); ++i) {
+    const glm::dvec3 own = (squares_[i] - sums_[i] * sums_[i] / n) / (n - 1.0);
     all += own.x + own.y + own.z;
   }
-  return all / (3.0 * static_cast<double>(sum_.pixels.size()));
+  return all / (3.0 * static_cast<double>(sums_.size()));
 }
 
 double ParetoStudy::reference_work(const ParetoRequest& r) {
@@ -327,7 +320,8 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["method"] = point.method->name;
   c["integrator"] = integrator.name;
   c["cache"] = integrator.needs_cache() ? f.cache.traits.name : "none";
-  if (integrator.needs_cache()) c["interpolation"] = to_string(request_of(point, repetition).interpolation);
+  if (integrator.needs_cache())
+    c["interpolation"] = icbench::name_of(request_of(point, repetition).interpolation);
   for (std::size_t i = 0; i < point.values.size(); ++i) {
     const double value = point.values[i];
     auto& field = c[std::string(point.method->axes[i].name)];
@@ -346,23 +340,23 @@ Entry ParetoStudy::run(const ParetoPoint& point, unsigned repetition) {
   c["rays"] = cost.rays.total();
   if (integrator.needs_cache() || integrator.uses_cells) c["records"] = cost.pass.records;
 
-  c["rmse"] = figure(rmse, reference_.indirect, made.indirect);
+  c["rmse"] = figure_of(rmse, reference_.indirect, made.indirect);
   const double error = scaled_relmse(reference_.indirect, made.indirect);
   c["relmse"] = error;
   c["relmse_scale"] = relmse_scale(reference_.indirect);
   const Image E = irradiance_of(f.rays, primary_, made.indirect);
-  c["rmse_irradiance"] = figure(rmse, irradiance_, E);
+  c["rmse_irradiance"] = figure_of(rmse, irradiance_, E);
   c["relmse_irradiance"] = scaled_relmse(irradiance_, E);
-  c["mean_ratio"] = figure(mean_ratio, reference_.indirect, made.indirect);
+  c["mean_ratio"] = figure_of(mean_ratio, reference_.indirect, made.indirect);
   const Image seen = under_direct_light(made.indirect), truth = reference_view();
   c["flip"] = first_of(flip(truth, seen, nullptr, {}));
   for (const MetricValue& part : hdrvdp(truth, seen, nullptr, {})) {
     c[fmt::format("hdrvdp_{}", part.name)] = part.value.value();
   }
-  c["full_rmse"] = figure(rmse, full_, made.picture);
+  c["full_rmse"] = figure_of(rmse, full_, made.picture);
   c["full_relmse"] = scaled_relmse(full_, made.picture);
   c["full_relmse_scale"] = relmse_scale(full_);
-  c["full_mean_ratio"] = figure(mean_ratio, full_, made.picture);
+  c["full_mean_ratio"] = figure_of(mean_ratio, full_, made.picture);
   c["full_flip"] = first_of(flip(full_, made.picture, nullptr, {}));
   c["reference_spp"] = reference_.spp;
   c["reference_rmse"] = reference_.rmse;

@@ -96,7 +96,9 @@ class RunErrors {
 
  private:
   unsigned runs_ = 0;
-  Image sum_, squares_;  // of the differences, by channel
+  int width_ = 0, height_ = 0;
+  // Of the differences, a value a pixel. Doubles: the variance is a small difference of them where pictures are biased.
+  std::vector<glm::dvec3> sums_, squares_;
 };
 
 class ParetoStudy {

@@ -11,7 +11,7 @@
 #include "harness/held_thread.h"
 #include "scene/registry.h"
 #include "workload/names.h"
-#include "workload/sweep.h"
+#include "workload/trial_entry.h"
 
 namespace icbench {
 namespace {
@@ -86,7 +86,7 @@ Entry Preempt::run(const Point& point, unsigned repetition) {
   accounts.reserve(request_.threads);
   for (unsigned t = 0; t < request_.threads; ++t)
     accounts.emplace_back(tick_rate_, 0, held ? &*held : nullptr, held.has_value() && t == 0);
-  TrialSetup setup{*team_, work_, hash_keys(request_.seed, repetition, 8), 1};
+  TrialSetup setup{*team_, work_, repetition_seed(request_.seed, repetition), 1};
   setup.accounts = accounts;
   setup.latencies_from = 1;
   std::thread holder;
@@ -117,14 +117,9 @@ Entry Preempt::run(const Point& point, unsigned repetition) {
 
   Entry entry = entry_of(name_of(point), request_.repetitions, repetition, request_.threads, o);
   auto& c = entry.counters;
-  c["cache"] = point.cache->traits.name;
-  c["workload"] = request_.workload.name;
-  c["workload_kind"] = to_string(request_.workload.kind);
-  c["structure"] = point.cache->traits.structure;
-  c["mechanism"] = point.cache->traits.mechanism;
+  add_subject(c, point.cache, request_.workload);
   c["placement"] = to_string(request_.placement);
   c["oversubscribed"] = topology_.oversubscribed(request_.threads);
-  c["scene"] = request_.workload.scene;
   c["held"] = point.is_held;
   c["hold_ms"] = request_.hold_ms;
   c["holds"] = held ? held->holds() : 0;

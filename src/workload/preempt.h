@@ -27,8 +27,8 @@ struct PreemptRequest {
   unsigned repetitions = 7;
   std::uint64_t seed = 1;
   unsigned hold_ms = 10;  ///< of every hold
-  unsigned pause_ms =
-      10;  ///< mean between two holds, drawn from 0.5 to 1.5 times that; then the next tick that finds it at work
+  /// Mean between two holds, drawn from 0.5 to 1.5 times that; then the next tick that finds it at work.
+  unsigned pause_ms = 10;
 };
 
 class Preempt {
@@ -51,7 +51,7 @@ class Preempt {
   /// "preempt/WORKLOAD/CACHE/threads:N/held" or ".../free".
   std::string name_of(const Point& point) const;
 
-  /// Throws InvalidTrial (workload/sweep.h) if the trial was not valid.
+  /// Throws InvalidTrial (workload/trial_entry.h) if the trial was not valid.
   Entry run(const Point& point, unsigned repetition);
 
  private:

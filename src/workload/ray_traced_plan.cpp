@@ -26,11 +26,6 @@ void for_all_tiles(const RayTracer& rays, int width, int height, F&& f) {
   });
 }
 
-/// The value of a metric that has a single one.
-double figure(MetricFunction metric, const Image& reference, const Image& image) {
-  return first_of(metric(reference, image, nullptr));
-}
-
 }  // namespace
 
 Image irradiance_of(const RayTracer& rays, const PrimaryHits& primary, const Image& reflected) {
@@ -72,12 +67,13 @@ Reference make_reference(const RayTracer& rays, const PrimaryHits& primary, std:
     out.half_difference.pixels[i] = 0.5f * (halves[0].pixels[i] - halves[1].pixels[i]);
   }
   // A half lies as far from the mean of both, in expectation, as that mean lies from the truth.
-  out.relmse = 0.5 * (figure(relmse, out.indirect, halves[0]) + figure(relmse, out.indirect, halves[1]));
+  out.relmse =
+      0.5 * (figure_of(relmse, out.indirect, halves[0]) + figure_of(relmse, out.indirect, halves[1]));
   out.scaled_relmse = 0.5 * (scaled_relmse(out.indirect, halves[0]) + scaled_relmse(out.indirect, halves[1]));
-  out.rmse = figure(rmse, out.indirect, halves[0]);  // that of the other is the same
+  out.rmse = figure_of(rmse, out.indirect, halves[0]);  // that of the other is the same
   const Image E = irradiance_of(rays, primary, out.indirect);
   for (Image& half : halves) half = irradiance_of(rays, primary, half);
-  out.rmse_irradiance = figure(rmse, E, halves[0]);
+  out.rmse_irradiance = figure_of(rmse, E, halves[0]);
   out.scaled_relmse_irradiance = 0.5 * (scaled_relmse(E, halves[0]) + scaled_relmse(E, halves[1]));
   return out;
 }
@@ -121,9 +117,9 @@ std::uint64_t RayTracedPlan::records_of_one_thread(std::uint64_t seed) const {
 }
 
 void RayTracedPlan::judge(const Image& indirect, TrialOutcome& out) const {
-  out.rmse = figure(rmse, reference_->indirect, indirect);
-  out.relmse = figure(relmse, reference_->indirect, indirect);
-  out.mean_ratio = figure(mean_ratio, reference_->indirect, indirect);
+  out.rmse = figure_of(rmse, reference_->indirect, indirect);
+  out.relmse = figure_of(relmse, reference_->indirect, indirect);
+  out.mean_ratio = figure_of(mean_ratio, reference_->indirect, indirect);
 }
 
 TrialOutcome run_uncached_trial(const RayTracedPlan& plan, const TrialSetup& setup) {

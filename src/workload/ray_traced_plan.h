@@ -18,8 +18,8 @@ namespace icbench {
 struct Reference {
   Image indirect;
   Image half_difference;  ///< of the two independent halves whose mean `indirect` is, by pixel
-  double relmse =
-      0.0;  ///< expected relMSE of the reference itself against the truth, from two independent halves
+  /// Expected relMSE of the reference itself against the truth, from two independent halves.
+  double relmse = 0.0;
   double rmse = 0.0;  ///< likewise, W/(m^2 sr)
   std::uint32_t spp = 0;
   double scaled_relmse = 0.0;             ///< likewise as relmse, of pictures scaled to mean luminance 1

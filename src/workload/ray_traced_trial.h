@@ -15,7 +15,8 @@
 
 namespace icbench {
 
-/// Passes everything on to another source, and remembers by id what the cache accepted.
+/// Passes on to a source of hemisphere gathers what a source of one frame is asked, and remembers by id what the cache
+/// accepted.
 class RememberingSource final : public RecordSource {
  public:
   RememberingSource(std::unique_ptr<RecordSource> source, std::span<Record> accepted)

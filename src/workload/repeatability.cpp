@@ -61,8 +61,8 @@ RepeatabilityStudy::RepeatabilityStudy(const RepeatabilityRequest& request, cons
   const FrameRequest& f = request_.frame;
   f.rays.go_to(static_cast<float>(request_.number));
   const PrimaryHits primary = centre_hits(f.rays, f.width, f.height);
-  reference_ =
-      make_reference(f.rays, primary, request_.reference_spp, hash_keys(f.seed, 0, 9));  // of no picture
+  // Of no picture.
+  reference_ = make_reference(f.rays, primary, request_.reference_spp, hash_keys(f.seed, 0, 9));
   progress(reference_work(request_));
 }
 

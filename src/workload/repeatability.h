@@ -29,9 +29,9 @@
 namespace icbench {
 
 struct RepeatabilityRequest {
-  FrameRequest
-      frame;          ///< scene, integrator through a cache, parameters and seed; team and cache are not used
-  std::string scene;  ///< name in the results
+  /// Scene, integrator through a cache, parameters and seed; team and cache are not used.
+  FrameRequest frame;
+  std::string scene;         ///< name in the results
   std::uint32_t number = 0;  ///< of the frame
   Placement placement = Placement::compact;
   unsigned repetitions = 3;

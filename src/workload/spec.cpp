@@ -84,6 +84,15 @@ Parameter named(std::string_view text, std::string_view key, Value WorkloadSpec:
   return {key, set, get};
 }
 
+/// The same of enumerators that have names everywhere.
+template <class Enum>
+Parameter enumerated(std::string_view text, std::string_view key, Enum WorkloadSpec::*member,
+                     std::initializer_list<Enum> values) {
+  std::vector<std::pair<std::string_view, Enum>> named_values;
+  for (const Enum value : values) named_values.emplace_back(to_string(value), value);
+  return named(text, key, member, std::move(named_values));
+}
+
 /// The parameters of a workload, in canonical order.
 std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view text) {
   std::vector<Parameter> known;
@@ -96,10 +105,8 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     known.push_back({key, set, [=](const WorkloadSpec& spec) { return fmt::to_string(spec.*member); }});
   };
   if (s.kind == WorkloadKind::ray_traced) {
-    known.push_back(named(text, "integrator", &WorkloadSpec::method,
-                          {{"irradiance_cache", Method::irradiance_cache},
-                           {"path", Method::path},
-                           {"hash_cells", Method::hash_cells}}));
+    known.push_back(enumerated(text, "integrator", &WorkloadSpec::method,
+                               {Method::irradiance_cache, Method::path, Method::hash_cells}));
     add_number("rays", 1, 1 << 20, true, &WorkloadSpec::rays);
     add_number("a", shortest_decimal(kMinAccuracy), 1, false, &WorkloadSpec::a);
     add_number("spp", 1, 1 << 20, true, &WorkloadSpec::spp);
@@ -115,9 +122,8 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
     };
     known.push_back({"size", set_size,
                      [](const WorkloadSpec& spec) { return fmt::format("{}x{}", spec.width, spec.height); }});
-    known.push_back(named(
-        text, "tiles", &WorkloadSpec::tiles,
-        {{"scanline", TileOrder::scanline}, {"morton", TileOrder::morton}, {"random", TileOrder::random}}));
+    known.push_back(enumerated(text, "tiles", &WorkloadSpec::tiles,
+                               {TileOrder::scanline, TileOrder::morton, TileOrder::random}));
     return known;
   }
   if (s.kind == WorkloadKind::trace) {
@@ -128,10 +134,8 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
         named(text, "records", &WorkloadSpec::as_captured, {{"as_missed", false}, {"as_captured", true}}));
     return known;
   }
-  known.push_back(named(text, "order", &WorkloadSpec::order,
-                        {{"uniform", PointOrder::uniform},
-                         {"hot_spot", PointOrder::hot_spot},
-                         {"coherent", PointOrder::coherent}}));
+  known.push_back(enumerated(text, "order", &WorkloadSpec::order,
+                             {PointOrder::uniform, PointOrder::hot_spot, PointOrder::coherent}));
   if (s.kind == WorkloadKind::miss_driven) {
     add_number("cost", 0, 1e6, false, &WorkloadSpec::cost_us);
   } else {
@@ -148,6 +152,13 @@ std::vector<Parameter> parameters_of(const WorkloadSpec& s, std::string_view tex
   for (const SceneEntry& e : kScenes) scenes.emplace_back(e.name, e.name);
   known.push_back(named(text, "scene", &WorkloadSpec::scene, std::move(scenes)));
   return known;
+}
+
+/// Whether a parameter of ray-traced workloads makes a difference to an integrator.
+bool uses(Method method, std::string_view key) {
+  if (key == "rays" || key == "a") return method == Method::irradiance_cache;
+  if (key == "spp") return method != Method::irradiance_cache;
+  return key != "cell" || method == Method::hash_cells;
 }
 
 std::vector<std::string_view> base_names() {
@@ -237,7 +248,10 @@ WorkloadSpec parse_workload(std::string_view text) {
     at->set(spec, pair.substr(equals + 1));
   }
   for (std::size_t i = 0; i < known.size(); ++i) {
-    if (given[i]) spec.name += fmt::format(":{}={}", known[i].key, known[i].get(spec));
+    if (!given[i]) continue;
+    spec.name += fmt::format(":{}={}", known[i].key, known[i].get(spec));
+    if (spec.kind == WorkloadKind::ray_traced && !uses(spec.method, known[i].key))
+      spec.idle.emplace_back(known[i].key);
   }
   // Every session may hold a batch of tickets that it does not use.
   constexpr std::uint64_t kMost = kMaxCapacity - std::uint64_t{kMaxSessions} * kTicketBatch;

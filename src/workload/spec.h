@@ -41,7 +41,7 @@ struct WorkloadSpec {
   std::string name;
   WorkloadKind kind = WorkloadKind::read_only;
   std::string scene = "cornell_box";
-  float a = 0.3f;  ///< accuracy of queries, (0, 1]
+  float a = 0.3f;  ///< accuracy of queries, [kMinAccuracy, 1]
 
   // Synthetic.
   PointOrder order = PointOrder::uniform;
@@ -58,6 +58,8 @@ struct WorkloadSpec {
   Method method = Method::irradiance_cache;
   std::uint32_t spp = 16;  ///< path, hash_cells: light paths per pixel
   float cell = 8.0f;       ///< hash_cells: edge of a cell, pixels
+
+  std::vector<std::string> idle{};  ///< parameters that were given though the integrator has no use for them
 
   // Of a trace.
   std::string file;

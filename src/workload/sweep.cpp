@@ -14,91 +14,9 @@
 #include "scene/registry.h"
 #include "workload/names.h"
 #include "workload/stepped_cache.h"
+#include "workload/trial_entry.h"
 
 namespace icbench {
-namespace {
-
-/// Operations and random numbers of a repetition: equal for all caches and thread counts.
-std::uint64_t seed_of(const SweepRequest& request, unsigned repetition) {
-  return hash_keys(request.seed, repetition, 8);
-}
-
-struct Percentile {
-  std::string_view name;
-  double share;
-  bool always;
-};
-constexpr Percentile kPercentiles[] = {
-    {"p10", 0.1, true},    {"p25", 0.25, true},      {"p50", 0.5, true},       {"p75", 0.75, true},
-    {"p90", 0.9, true},    {"p95", 0.95, true},      {"p99", 0.99, true},      {"p995", 0.995, false},
-    {"p999", 0.999, true}, {"p9995", 0.9995, false}, {"p9999", 0.9999, false}, {"p99999", 0.99999, false}};
-
-}  // namespace
-
-Entry entry_of(std::string name, unsigned repetitions, unsigned repetition, unsigned threads,
-               const TrialOutcome& o) {
-  Entry entry;
-  entry.name = std::move(name);
-  entry.repetitions = repetitions;
-  entry.repetition_index = repetition;
-  entry.threads = threads;
-  entry.real_time = 1e-6 * o.wall_ns;
-  entry.cpu_time = 1e-6 * o.cpu_ns;
-  entry.time_unit = "ms";
-  return entry;
-}
-
-void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
-                 const TickRate& rate) {
-  if (h.count() == 0) return;
-  const auto put = [&](std::string_view what, std::uint64_t value) {
-    out[fmt::format("latency_{}_{}_ns", operation, what)] = std::round(rate.to_ns(value) * 10.0) / 10.0;
-  };
-  for (const Percentile& p : kPercentiles) {
-    // Beyond what so many samples tell lies the maximum alone; the usual ones are always there.
-    if (p.always || static_cast<double>(h.count()) >= std::round(1.0 / (1.0 - p.share)))
-      put(p.name, h.percentile(p.share));
-  }
-  put("max", h.max());
-  out[fmt::format("latency_{}_samples", operation)] = h.count();
-}
-
-namespace {
-
-/// Where all time of a trial went, as shares of wall time x threads, and what the hardware counted.
-void add_breakdown(nlohmann::ordered_json& out, const TimeBreakdown& t, double redundant_records,
-                   std::span<const ThreadAccount> accounts) {
-  const double redundant =
-      t.records == 0 ? 0.0
-                     : t.work * std::clamp(redundant_records / static_cast<double>(t.records), 0.0, 1.0);
-  const auto put = [&](std::string_view what, double ns) {
-    out[fmt::format("time_{}_share", what)] = ns / t.total;
-  };
-  put("work", t.work - redundant);
-  put("redundant", redundant);
-  put("query", t.query);
-  put("insert", t.insert);
-  put("merge", t.merge);
-  put("lock_wait", t.lock_wait);
-  put("descheduled_wanting", t.wanting);
-  put("descheduled_holding", t.holding);
-  put("descheduled_between", t.displaced);
-  put("barrier", t.barrier);
-  put("other", t.other);
-  out["time_unexplained"] = 1.0 - t.sum() / t.total;
-  for (const PerfEvent& event : perf_events()) {
-    double sum = 0.0;
-    bool is_whole = true;
-    for (const ThreadAccount& a : accounts) {
-      const std::optional<double> value = a.perf().value(event.name);
-      is_whole &= value.has_value();
-      sum += value.value_or(0.0);
-    }
-    if (is_whole) out[std::string(event.name)] = sum;
-  }
-}
-
-}  // namespace
 
 struct Sweep::SceneData {
   explicit SceneData(const std::string& name) : rays(make_scene(name)) {}
@@ -115,17 +33,9 @@ struct Sweep::PlanData {
   std::unique_ptr<SyntheticPlan> synthetic;
   std::unique_ptr<RayTracedPlan> ray_traced;
   std::unique_ptr<TracePlan> trace;
-  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t>
-      records_of_one_thread;  // by the streams' number and seed
+  // By the streams' number and seed.
+  std::map<std::pair<unsigned, std::uint64_t>, std::uint64_t> records_of_one_thread;
 };
-
-std::uint64_t trace_checksum(const WorkloadSpec& spec) {
-  if (spec.file.empty()) {
-    throw std::runtime_error(fmt::format(
-        "workload '{}' names no file; give trace:file=PATH, which icbench trace capture writes", spec.name));
-  }
-  return read_trace_header(spec.file).checksum;
-}
 
 Sweep::~Sweep() = default;
 
@@ -246,10 +156,18 @@ ThreadTeam& Sweep::team(unsigned threads) {
   return *slot;
 }
 
+bool Sweep::makes_redundant_records(const SweepPoint& point) const {
+  const WorkloadKind kind = request_.workloads[point.workload].kind;
+  return point.cache->traits.consistency != Consistency::none &&
+         (kind == WorkloadKind::miss_driven || kind == WorkloadKind::ray_traced ||
+          kind == WorkloadKind::trace);
+}
+
 Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timeline) {
   const WorkloadSpec& spec = request_.workloads[point.workload];
   PlanData& data = plan(point.workload);
-  TrialSetup setup{team(point.threads), work_, seed_of(request_, repetition), request_.latency_every};
+  TrialSetup setup{team(point.threads), work_, repetition_seed(request_.seed, repetition),
+                   request_.latency_every};
   std::vector<ThreadAccount> accounts;
   if (request_.breakdown || timeline != nullptr) {
     accounts.reserve(point.threads);
@@ -273,88 +191,35 @@ Entry Sweep::run(const SweepPoint& point, unsigned repetition, Timeline* timelin
   entry.items_per_second = 1e9 * static_cast<double>(o.operations) / o.wall_ns;
 
   auto& c = entry.counters;
-  c["cache"] = point.cache_name();
-  c["workload"] = spec.name;
-  c["workload_kind"] = to_string(spec.kind);
-  c["structure"] = point.cache == nullptr ? "none" : point.cache->traits.structure;
-  c["mechanism"] = point.cache == nullptr ? "none" : point.cache->traits.mechanism;
-  c["consistency"] = to_string(point.cache == nullptr ? Consistency::none : point.cache->traits.consistency);
+  add_subject(c, point.cache, spec);
+  if (data.trace) c["scene"] = data.trace->trace().context.scene;
   c["placement"] = to_string(request_.placement);
   c["oversubscribed"] = topology_.oversubscribed(point.threads);
-  c["scene"] = data.trace ? data.trace->trace().context.scene : spec.scene;
   const double units = static_cast<double>(std::min<std::size_t>(point.threads, topology_.units().size()));
   c["utilisation"] = std::min(1.0, o.cpu_ns / (o.wall_ns * units));
   c["merge_ms"] = 1e-6 * o.merge_ns;
   c["start_skew_ms"] = 1e-6 * o.start_skew_ns;
 
+  double redundant = 0.0;
   if (point.cache != nullptr) {
-    c["queries"] = data.trace ? o.queries : o.counts.queries;
-    c["hits"] = o.counts.hits;
-    c["inserts"] = o.counts.inserted;
-    c["records"] = o.records;
-    c["records_read_per_query"] = o.counts.queries == 0 ? 0.0
-                                                        : static_cast<double>(o.counts.records_read) /
-                                                              static_cast<double>(o.counts.queries);
-    c["records_valid_per_query"] = o.counts.queries == 0 ? 0.0
-                                                         : static_cast<double>(o.counts.records_valid) /
-                                                               static_cast<double>(o.counts.queries);
-    c["lock_wait_share"] = static_cast<double>(o.counts.lock_wait_ns) / (o.wall_ns * point.threads);
-    c["lock_acquisitions"] = o.counts.lock_acquisitions;
-    c["lock_contended"] = o.counts.lock_contended;
-    c["cas_attempts"] = o.counts.cas_attempts;
-    c["cas_failures"] = o.counts.cas_failures;
-    c["nodes_discarded"] = o.counts.nodes_discarded;
-    if (o.records != 0) c["bytes_per_record"] = static_cast<double>(o.bytes) / static_cast<double>(o.records);
-    const bool keeps = point.cache->traits.consistency != Consistency::none;
-    double redundant = 0.0;
-    if (keeps && (spec.kind == WorkloadKind::miss_driven || spec.kind == WorkloadKind::ray_traced ||
-                  spec.kind == WorkloadKind::trace)) {
-      const std::int64_t more =
-          static_cast<std::int64_t>(o.records) -
-          static_cast<std::int64_t>(records_of_one_thread(data, point.threads, data.trace ? 0 : setup.seed));
+    add_counts(c, o, point.threads);
+    if (data.trace) c["queries"] = o.queries;
+    if (makes_redundant_records(point)) {
+      const std::uint64_t needed = records_of_one_thread(data, point.threads, data.trace ? 0 : setup.seed);
+      const auto more = static_cast<std::int64_t>(o.records) - static_cast<std::int64_t>(needed);
       c["redundant_records"] = more;
       redundant = static_cast<double>(more);
     }
-    if (request_.breakdown) add_breakdown(c, o.time, redundant, accounts);
     add_latency(c, "query", o.query_ticks, tick_rate_);
     add_latency(c, "insert", o.insert_ticks, tick_rate_);
   }
-  if (point.cache == nullptr && request_.breakdown) add_breakdown(c, o.time, 0.0, accounts);
-  if (spec.kind == WorkloadKind::ray_traced) {
-    c["integrator"] = to_string(spec.method);
-    c["width"] = spec.width;
-    c["height"] = spec.height;
-    c["order"] = to_string(spec.tiles);
-    if (!spec.uses_cache()) {
-      c["spp"] = spec.spp;
-      if (spec.method == Method::hash_cells) c["cell_size"] = shortest_decimal(spec.cell);
-    } else {
-      c["rays_per_record"] = spec.rays;
-      c["accuracy"] = shortest_decimal(spec.a);
-    }
-    c["rays"] = o.rays.total();
-    c["seconds_indirect"] = 1e-9 * o.wall_ns;
-    c["rmse"] = o.rmse;
-    c["relmse"] = o.relmse;
-    c["mean_ratio"] = o.mean_ratio;
-    c["reference_relmse"] = data.ray_traced->reference().relmse;
-    c["reference_spp"] = data.ray_traced->reference().spp;
+  if (request_.breakdown) add_breakdown(c, o.time, redundant, accounts);
+  if (data.ray_traced) {
+    add_ray_traced(c, spec, data.ray_traced->reference(), o);
   } else if (data.trace) {
-    const Trace& trace = data.trace->trace();
-    c["integrator"] = trace.context.integrator;
-    c["width"] = trace.context.width;
-    c["height"] = trace.context.height;
-    c["frame_count"] = trace.frames.size();
-    c["captured_cache"] = trace.context.cache;
-    c["captured_threads"] = trace.context.config.max_sessions;
-    c["record_cost_scale"] = spec.scale;
-    c["stand_ins"] = o.stand_ins;
-    c["same_records"] = o.same_records;
+    add_trace(c, spec, data.trace->trace(), o);
   } else {
-    c["order"] = to_string(spec.order);
-    c["accuracy"] = shortest_decimal(spec.a);
-    if (spec.starts_filled()) c["layout"] = spec.tidied ? "tidied" : "as_inserted";
-    if (spec.kind == WorkloadKind::miss_driven) c["record_cost_us"] = spec.cost_us;
+    add_synthetic(c, spec);
   }
   return entry;
 }

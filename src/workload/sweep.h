@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -16,6 +15,8 @@
 #include "harness/topology.h"
 #include "workload/dispatch.h"
 #include "workload/spec.h"
+#include "workload/trace_plan.h"
+#include "workload/trial_entry.h"
 
 namespace icbench {
 
@@ -31,23 +32,6 @@ struct SweepRequest {
   bool breakdown = false;              ///< account for all time, and count by hardware where it can
 };
 
-/// Of the file of a trace's workload. Throws std::runtime_error with one line if it cannot be read.
-std::uint64_t trace_checksum(const WorkloadSpec& spec);
-
-/// A trial that broke the cache's contract: the cache is at fault, not the user.
-struct InvalidTrial : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-/// An entry with the name and the times of a trial, and nothing else yet.
-Entry entry_of(std::string name, unsigned repetitions, unsigned repetition, unsigned threads,
-               const TrialOutcome& o);
-
-/// Percentiles of a histogram of ticks as fields "latency_OPERATION_pNN_ns", ..., "latency_OPERATION_max_ns"; none of
-/// an empty one.
-void add_latency(nlohmann::ordered_json& out, std::string_view operation, const Histogram& h,
-                 const TickRate& rate);
-
 /// One point of a sweep.
 struct SweepPoint {
   std::size_t workload;     ///< index into the request
@@ -62,6 +46,7 @@ class Sweep {
   /// Throws std::runtime_error with one line for an unknown cache, a trace that cannot be read or a sweep without a
   /// single point.
   Sweep(SweepRequest request, const Topology& topology);
+  ~Sweep();
 
   const SweepRequest& request() const noexcept { return request_; }
   const Work& work() const noexcept { return work_; }
@@ -79,22 +64,20 @@ class Sweep {
   Entry run(const SweepPoint& point, unsigned repetition, Timeline* timeline = nullptr);
 
  private:
-  /// Throws std::runtime_error, with workload and cache, if one of its caches cannot be set up.
-  void require_room(std::size_t workload) const;
   struct SceneData;  // tracer of a scene
   struct ViewData;   // primary hits and reference of a scene and size
   struct PlanData;   // the plan of the workload in hand
 
+  /// Throws std::runtime_error, with workload and cache, if one of its caches cannot be set up.
+  void require_room(std::size_t workload) const;
+  /// Whether there is a number of records that suffices, beyond which threads make some at once.
+  bool makes_redundant_records(const SweepPoint& point) const;
   const RayTracer& tracer(const std::string& scene);
   const ViewData& view(const WorkloadSpec& spec);
   PlanData& plan(std::size_t workload);
   std::uint64_t records_of_one_thread(PlanData& plan, unsigned threads, std::uint64_t seed);
   ThreadTeam& team(unsigned threads);
 
- public:
-  ~Sweep();
-
- private:
   SweepRequest request_;
   const Topology& topology_;
   Work work_;

@@ -17,6 +17,14 @@ using PlanCache = Direct<Packed<PlainSync>, NoCounters>;
 
 }  // namespace
 
+std::uint64_t trace_checksum(const WorkloadSpec& spec) {
+  if (spec.file.empty()) {
+    throw std::runtime_error(fmt::format(
+        "workload '{}' names no file; give trace:file=PATH, which icbench trace capture writes", spec.name));
+  }
+  return read_trace_header(spec.file).checksum;
+}
+
 std::unique_ptr<TracePlan> plan_of_trace(const WorkloadSpec& spec, double scale) {
   Trace trace = read_trace(spec.file);
   if (spec.checksum != 0 && trace.checksum != spec.checksum)

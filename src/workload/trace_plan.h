@@ -75,4 +75,7 @@ class TracePlan {
 /// when the run began.
 std::unique_ptr<TracePlan> plan_of_trace(const WorkloadSpec& spec, double scale);
 
+/// Of the file of a trace's workload. Throws std::runtime_error with one line if it cannot be read.
+std::uint64_t trace_checksum(const WorkloadSpec& spec);
+
 }  // namespace icbench

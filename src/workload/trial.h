@@ -42,6 +42,11 @@ struct TrialSetup {
   }
 };
 
+/// Operations and random numbers of a repetition: the same for all caches and thread counts.
+inline std::uint64_t repetition_seed(std::uint64_t seed, unsigned repetition) noexcept {
+  return hash_keys(seed, repetition, 8);
+}
+
 /// What came out. A trial that was not valid has `error` set, and its times mean nothing.
 struct TrialOutcome {
   std::string error;  ///< empty, or one line that says what the cache did wrong

@@ -42,8 +42,8 @@ struct Scenario {
   bool is_long;                     ///< for the long form only
   std::string_view structure = {};  ///< of the caches that it is about; empty: all
   unsigned nearby = 0;  ///< records of size 0 that are there already, in the same cells but not valid here
-  std::uint32_t capacity =
-      0;                   ///< of the cache, where that decides how it is built; 0: for the records there are
+  /// Of the cache, where that decides how it is built; 0: for the records there are.
+  std::uint32_t capacity = 0;
   bool prefaults = false;  ///< the first thread begins by taking memory ahead, and touching it
 };
 

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <stdexcept>
 
-#include "core/names.h"
 #include "core/random.h"
 #include "stress/progress/settings.h"
 
@@ -381,23 +379,6 @@ class ProgressCheck {
 std::array<ProgressResult, kAskedNames.size()> check_progress(const ProgressSubject& subject,
                                                               const ProgressOptions& options) {
   return ProgressCheck(subject, options).run();
-}
-
-std::vector<ProgressResult> check_progress(const ProgressOptions& options) {
-  std::vector<std::string_view> known;
-  for (const ProgressSubject& subject : all_progress_subjects()) known.push_back(subject.traits.name);
-  for (const std::string& name : options.caches) {
-    if (std::find(known.begin(), known.end(), name) == known.end())
-      throw std::runtime_error(unknown_name("cache", name, known));
-  }
-  std::vector<ProgressResult> results;
-  for (const ProgressSubject& subject : all_progress_subjects()) {
-    if (!options.caches.empty() &&
-        std::find(options.caches.begin(), options.caches.end(), subject.traits.name) == options.caches.end())
-      continue;
-    for (ProgressResult& r : check_progress(subject, options)) results.push_back(std::move(r));
-  }
-  return results;
 }
 
 }  // namespace icbench::stress

@@ -17,7 +17,6 @@ namespace icbench::stress {
 struct ProgressOptions {
   std::uint64_t seed = 1;
   bool is_long = false;  ///< more random schedules, and every pair of stopped operations in every setting
-  std::vector<std::string> caches;  ///< names; empty for all
 };
 
 /// Numbers of interfering inserts in the series.
@@ -53,8 +52,5 @@ struct ProgressResult {
 /// Insert, query and batch of queries of one cache.
 std::array<ProgressResult, kAskedNames.size()> check_progress(const ProgressSubject& subject,
                                                               const ProgressOptions& options);
-
-/// All caches chosen, in the order of the registry. Throws std::runtime_error with one line for a name not known.
-std::vector<ProgressResult> check_progress(const ProgressOptions& options);
 
 }  // namespace icbench::stress

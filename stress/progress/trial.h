@@ -23,8 +23,8 @@ inline constexpr std::uint32_t kBatchQueries = 3;
 
 struct Request {
   Asked type;
-  std::uint32_t
-      where;  ///< insert: kind of the record; query: place; batch: that of the first, then the ones behind
+  /// Insert: kind of the record; query: place; batch: that of the first, then the ones behind.
+  std::uint32_t where;
 };
 
 /// Records of a kind that are there before a trial begins.

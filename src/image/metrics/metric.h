@@ -36,6 +36,11 @@ inline double first_of(const std::vector<MetricValue>& values) {
 /// describes. Throws std::runtime_error with one line if the images cannot be compared.
 using MetricFunction = std::vector<MetricValue> (*)(const Image& reference, const Image& image, Image* map);
 
+/// The figure of a metric that has a single one.
+inline double figure_of(MetricFunction metric, const Image& reference, const Image& image) {
+  return first_of(metric(reference, image, nullptr));
+}
+
 /// The same for a metric that models an observer, who looks at the images as `viewing` says.
 using ViewedMetricFunction = std::vector<MetricValue> (*)(const Image& reference, const Image& image,
                                                           Image* map, const Viewing& viewing);

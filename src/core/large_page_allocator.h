@@ -3,6 +3,7 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 
@@ -24,9 +25,9 @@ struct LargePageAllocator {
   T* allocate(std::size_t n) {
     const std::size_t bytes = n * sizeof(T);
     const bool is_large = bytes >= kLargePage;
-    const std::size_t unit = is_large ? kLargePage : alignof(std::max_align_t);
+    const std::size_t unit = is_large ? kLargePage : std::max(alignof(T), alignof(std::max_align_t));
     void* memory = std::aligned_alloc(unit, (bytes + unit - 1) / unit * unit);
-    if (memory == nullptr) fail_setup("cannot get memory for a frozen cache");
+    if (memory == nullptr) fail_setup("cannot get memory; free some, or ask for fewer records");
 #if defined(MADV_HUGEPAGE)
     if (is_large) ::madvise(memory, bytes, MADV_HUGEPAGE);  // advice: may be refused
 #endif
