@@ -6,9 +6,9 @@ agree.
 """
 from __future__ import annotations
 
-from arithmetic import decide, exact, interval_of, inverse, ratios, worst
+from arithmetic import decide, exact, worst
 from thesis import (kFarFaster, kFarFasterOn, kIndirectTimes, kMostAgainstIgi, kMostAgainstPath,
-                    kReferenceSamples, kSlowestAgainstStatic, kTitles, kWholeFrameRange)
+                    kReferenceSamples, kSlowestAgainstStatic, kWholeFrameRange)
 
 kWords = {"pass": "seen", "fail": "not seen", "undecided": "undecided"}
 kUnchanged = 1.25  # "do not change": within this factor
