@@ -16,6 +16,7 @@
 #include <type_traits>
 
 #include "caches/registry.h"
+#include "sanitized.h"
 #include "stress/campaign.h"
 #include "stress/checker.h"
 #include "stress/clock.h"
