@@ -37,8 +37,9 @@
 // of a few records each time, nothing is kept but light paths: all records are dropped, and made as those on meshes
 // that move are, with fast packing. The next change then drops them in any case. So a frame takes no longer than one of
 // instant caching, but for little. Where the camera moves as well, as many records come into view as leave it, and
-// instant caching makes no others: an update of what is out of sight is for nothing. So it is compared with new records
-// of those in view, and queries tell of their use in every frame, so that what left the picture goes before the next.
+// instant caching makes no others: an update of what is out of sight is for nothing. So what comes into view counts as
+// part of the cost, and queries tell of the records' use in every frame, so that what left the picture goes before the
+// next.
 //
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is. A guard against leaks (render/leak_guard.h) keeps nothing.
@@ -125,11 +126,13 @@ class TemporalSource final : public RecordSource {
     insert  // drop, and insert again
   };
 
-  // Shadow rays of records made anew, and of their update: to VPLs that moved, and past what may move.
+  // Shadow rays of records made anew, of those that the picture has a place for, and of their update: to VPLs that
+  // moved, and past what may move.
   struct Rays {
-    std::uint64_t anew = 0, to_moved = 0, past_moving = 0;
+    std::uint64_t anew = 0, in_view = 0, to_moved = 0, past_moving = 0;
     Rays& operator+=(const Rays& o) noexcept {
       anew += o.anew;
+      in_view += o.in_view;
       to_moved += o.to_moved;
       past_moving += o.past_moving;
       return *this;
