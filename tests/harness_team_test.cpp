@@ -2,8 +2,6 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 #include <signal.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,6 +15,7 @@
 
 #include "harness/calibrated_work.h"
 #include "harness/thread_team.h"
+#include "limited_child.h"
 #include "sanitized.h"
 
 namespace icbench {
@@ -184,28 +183,22 @@ TEST(ThreadTeam, RunsWithAsManyThreadsAsAreOffered) {
   EXPECT_EQ(calls, 3 * kThreads);
 }
 
-#if !ICBENCH_SANITIZED  // their shadow memory does not live with a limit on the address space
+#if !ICBENCH_SANITIZED
 TEST(ThreadTeam, AThreadThatCannotBeCreatedIsAOneLineErrorWithoutLeftovers) {
-  const pid_t child = fork();
-  if (child == 0) {
-    alarm(60);  // a hang is a failure too
-    const rlimit limit{2ull << 30, 2ull << 30};
-    setrlimit(RLIMIT_AS, &limit);  // some 200 stacks of 8 MB fit
-    try {
-      ThreadTeam team(machine(), Placement::none, 4000);
-    } catch (const std::runtime_error& error) {
-      const std::string text = error.what();
-      const bool good = text.starts_with("cannot create thread ") && text.find(" of 4000: ") != text.npos &&
-                        text.find("--threads") != text.npos && text.find('\n') == text.npos;
-      ThreadTeam(machine(), Placement::none, 4).run([](unsigned) {});
-      _exit(good ? 0 : 1);
-    }
-    _exit(2);
-  }
-  int status = 0;
-  waitpid(child, &status, 0);
-  EXPECT_TRUE(WIFEXITED(status)) << "killed by signal " << WTERMSIG(status);
-  EXPECT_EQ(WEXITSTATUS(status), 0);
+  EXPECT_EQ(status_with_little_memory([] {
+              try {
+                ThreadTeam team(machine(), Placement::none, 4000);
+              } catch (const std::runtime_error& error) {
+                const std::string text = error.what();
+                const bool good = text.starts_with("cannot create thread ") &&
+                                  text.find(" of 4000: ") != text.npos &&
+                                  text.find("--threads") != text.npos && text.find('\n') == text.npos;
+                ThreadTeam(machine(), Placement::none, 4).run([](unsigned) {});
+                return good ? 0 : 1;
+              }
+              return 2;
+            }),
+            0);
 }
 #endif
 

@@ -159,37 +159,6 @@ TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
   EXPECT_FLOAT_EQ(reach(geometry, 0.05f, 1.0f), reach(geometry, kFar, 1.0f));
 }
 
-// Guards against: pictures too dark where few samples find light: those of a record that found none would say that it
-// holds for ever, those of a lucky one that it ends at once.
-TEST(RenderHemisphere, WhatFewSamplesFoundDoesNotTellHowFarLightHolds) {
-  const Hemisphere lit = seen_from_origin({-9, 9, -9, 9, 1.5}, {}, {9, 28});
-  Hemisphere dark = lit, lucky = lit;
-  for (std::size_t i = 0; i < lit.samples.size(); ++i) {
-    dark.samples[i].L = glm::vec3(0.0f);
-    lucky.samples[i].L = glm::vec3(i == 100 ? 50.0f : 0.0f);
-  }
-  const Bounds bounds{glm::vec3(-1.0f), glm::vec3(1.0f)};
-  const auto detail_of = [&](Interpolation level, const Hemisphere& seen) {
-    RecordShaper shaper(level, 0.2f, bounds, RadiusLimits::for_scene(bounds, 0.01f, 0.2f), 10);
-    shaper.look_from({.eye = {0, 0, 10}, .target = {0, 0, 0}, .up = {0, 1, 0}, .fov_y = 1.0f});
-    RecordDetail detail;
-    Irradiance E(0.0f);
-    for (const HemisphereSample& s : seen.samples) E += s.L;
-    E *= std::numbers::pi_v<float> / static_cast<float>(seen.samples.size());
-    shaper.ellipse(glm::vec3(0.0f), seen, 0.3f, E, detail);
-    return detail;
-  };
-  const auto size = [](const RecordDetail& d) { return glm::vec2(d.inverse_major, d.inverse_minor); };
-  const glm::vec2 by_geometry = size(detail_of(Interpolation::geometric_hessian, lit));
-  const float circle = 1.0f / (0.2f * 0.3f);
-  EXPECT_NE(by_geometry.x, circle);
-  EXPECT_NE(size(detail_of(Interpolation::occlusion_hessian, lit)), glm::vec2(circle));
-  for (const Hemisphere& seen : {dark, lucky}) {
-    EXPECT_EQ(size(detail_of(Interpolation::geometric_hessian, seen)), by_geometry);
-    EXPECT_EQ(size(detail_of(Interpolation::occlusion_hessian, seen)), glm::vec2(circle));
-  }
-}
-
 TEST(RenderHemisphere, NearSurfacesFaceAcrossWhatGoesOnAlongItself) {
   const Hemisphere seen = {
       .strata = {1, 4},

@@ -357,6 +357,29 @@ TEST(Ellipses, AreCirclesByTheMeanDistanceWhereThereAreFewCells) {
   }
 }
 
+// Guards against: pictures too dark where few samples find light: those of a record that found none would say that it
+// holds for ever, those of a lucky one that it ends at once.
+TEST(Ellipses, DoNotGoByWhatFewSamplesFound) {
+  const Hemisphere lit = below(true, {9, 28});
+  Hemisphere dark = lit, lucky = lit;
+  for (std::size_t i = 0; i < lit.samples.size(); ++i) {
+    dark.samples[i].L = glm::vec3(0.0f);
+    lucky.samples[i].L = glm::vec3(i == 100 ? 50.0f : 0.0f);
+  }
+  constexpr float kMean = 3.0f;
+  const auto axes = [&](Interpolation level, const Hemisphere& seen, float E) {
+    const Ellipse e = ellipse_of(shaper_of(level), in_front(1e3f), seen, kMean, E);
+    return glm::vec2(e.large, e.small);
+  };
+  const glm::vec2 by_geometry = axes(Interpolation::geometric_hessian, lit, 1.0f), circle(kA * kMean);
+  EXPECT_GT(glm::distance(by_geometry, circle), 0.01f);
+  EXPECT_GT(glm::distance(axes(Interpolation::occlusion_hessian, lit, 1.0f), circle), 0.01f);
+  for (const auto& [seen, E] : {std::pair(&dark, 0.0f), std::pair(&lucky, 0.6f)}) {
+    EXPECT_EQ(axes(Interpolation::geometric_hessian, *seen, E), by_geometry);
+    EXPECT_LT(glm::distance(axes(Interpolation::occlusion_hessian, *seen, E), circle), 1e-5f);
+  }
+}
+
 // Records as they are made in a room, by so few rays that their gradients are noise: all limits at once.
 class MadeRecords : public ::testing::TestWithParam<InterpolationEntry> {};
 INSTANTIATE_TEST_SUITE_P(Levels, MadeRecords, ::testing::ValuesIn(kInterpolations), level_name);

@@ -16,14 +16,13 @@ class CameraView {
  public:
   CameraView(const Camera& camera, int width, int height) noexcept
       : eye_(camera.eye), forward_(glm::normalize(camera.target - camera.eye)) {
-    const glm::vec3 forward = forward_;
-    const glm::vec3 right = glm::normalize(glm::cross(forward, camera.up));
-    const glm::vec3 up = glm::cross(right, forward);
+    const glm::vec3 right = glm::normalize(glm::cross(forward_, camera.up));
+    const glm::vec3 up = glm::cross(right, forward_);
     const float pixel = 2.0f * std::tan(0.5f * camera.fov_y) / static_cast<float>(height);
     across_ = pixel * right;
     down_ = -pixel * up;
     corner_ =
-        forward - 0.5f * static_cast<float>(width) * across_ - 0.5f * static_cast<float>(height) * down_;
+        forward_ - 0.5f * static_cast<float>(width) * across_ - 0.5f * static_cast<float>(height) * down_;
     half_ = 0.5f * pixel * glm::vec2(static_cast<float>(width), static_cast<float>(height));
   }
 
