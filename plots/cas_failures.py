@@ -22,10 +22,10 @@ def build(setup: Setup) -> Built:
 
 FIGURE = Figure(
     "cas_failures", "Failed compare-and-swap per insert",
-    "Caches without locks publish with compare-and-swap (CAS), which fails when another thread was faster at "
-    "the very same place. The axis counts failures per insert. In a wait-free cache the loser adopts the "
-    "winner's node and goes on, so the count is bounded and small; values that grow with the threads show "
-    "where they collide.",
+    "Caches without locks install nodes and pieces of lists with compare-and-swap (CAS), which fails when another "
+    "thread was faster at the very same place; the loser adopts the winner's and goes on, so the count is bounded "
+    "and small. The axis counts failures per insert; other kinds of CAS, as of spin locks, are not among them. "
+    "Values that grow with the threads show where they collide.",
     build)
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ struct CacheUse {
 struct PassFigures {
   CacheUse use;
   std::uint64_t records = 0;          ///< in the cache at the end
+  // By sources that judge each record alone; 0 by the others, whose records all stay or all go.
   std::uint64_t records_kept = 0;     ///< of those there were at the beginning, left as they were
   std::uint64_t records_updated = 0;  ///< of those, given a new irradiance or radius
   std::uint64_t records_dropped = 0;  ///< of those, removed

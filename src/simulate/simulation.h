@@ -1,7 +1,8 @@
 // Sweeps in virtual time: workloads x caches x cores, each a trial of the engine that becomes one row of results.
 //
-// Rows have the fields of sweeps and "simulate/" before their names, "simulated": true, and up to how many threads
-// simulated times were validated on the machine of the calibration. Nothing that draws measurements takes them.
+// Rows have the fields of sweeps that time and records give (plots/FIELDS.md), "simulate/" before their names,
+// "simulated": true, and up to how many threads simulated times were validated on the machine of the calibration.
+// Nothing that draws measurements takes them.
 #pragma once
 
 #include <cstdint>
