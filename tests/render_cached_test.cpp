@@ -292,7 +292,9 @@ TEST(RenderExtrapolation, WeightsFallToNothingOnCurvedSurfacesToo) {
         const SurfacePoint x{radius * n, n};
         const float found = split_sphere_weight(x, r, reach);
         const float w = found > 0.0f ? std::max(Extrapolator(shapes, x).of(r, found).w, 0.0f) : 0.0f;
-        if (angle > 0.0f) EXPECT_LT(std::fabs(w - before), 0.1f) << name_of(level) << ", radius " << radius;
+        if (angle > 0.0f) {
+          EXPECT_LT(std::fabs(w - before), 0.1f) << name_of(level) << ", radius " << radius;
+        }
         most = std::max(most, w);
         before = w;
       }

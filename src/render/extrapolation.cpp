@@ -29,9 +29,6 @@ constexpr float kMostSlope = 0.7f;   // of the mean or the record, by what the g
 constexpr float kMostOfMean = 3.0f;  // of the mean distance, times a
 constexpr float kMostContrast = 64.0f;  // between a record and the picture, as far as its reach follows
 constexpr float kLeastOfLimit = 0.1f;   // of that by the mean distance, for the brightest
-// Relative standard error of the irradiance; with more, how far light holds is unknown. With 256 rays in a room that a
-// patch 0.6 m wide lights, 61 % of the light was lost without this limit, 3 % with it.
-constexpr double kMostErrorOfLight = 0.15;
 
 glm::vec3 gradient_of_luminance(const IrradianceGradients& g) noexcept {
   return 0.2126f * g.translational[0] + 0.7152f * g.translational[1] + 0.0722f * g.translational[2];
@@ -99,21 +96,6 @@ Reach reach_along_what_is_near(const glm::mat2& H, const glm::mat2& facing, floa
   const float small = std::clamp(std::min(allowed(e.large, across), widest), limits.least, limits.most);
   const float large = std::min(allowed(std::fabs(glm::dot(along, H * along)), along), stretch(faced) * small);
   return {std::clamp(large, small, limits.most), small, across};
-}
-
-// Whether the cells tell irradiance well enough for its derivatives to say how far it holds: where a few of them found all
-// the light, records that found none would reach farthest, and those that were lucky least.
-bool is_light_known(const Hemisphere& seen) noexcept {
-  double sum = 0.0, squares = 0.0;
-  for (const HemisphereSample& s : seen.samples) {
-    const double L = luminance(s.L);
-    sum += L;
-    squares += L * L;
-  }
-  if (!(sum > 0.0)) return false;
-  // The square of the mean's relative standard error.
-  const double error2 = squares / (sum * sum) - 1.0 / static_cast<double>(seen.samples.size());
-  return error2 < kMostErrorOfLight * kMostErrorOfLight;
 }
 
 // By how much it is limited more closely than others for being bright.

@@ -12,7 +12,7 @@
 //   bounded             the same, within kLeastPixels and kMostPixels as           as is, 1 / error
 //                       projected to the screen (Tabellion & Lamorlette 2004);
 //                       the former outweighs every other limit
-//   gradients           the same; R <= E / |gradient of E|                         extrapolated (Ward & Heckbert 1992),
+//   gradients           the same; R <= E / |gradient of E|, where E is known       extrapolated (Ward & Heckbert 1992),
 //                                                                                  1 / error - 1 / a
 //   neighbour_clamping  the same; R <= R_j + |p - p_j| for the records j around    the same
 //                       (Krivanek et al. 2006)
@@ -40,10 +40,13 @@
 // within kMostContrast times the record's own; and where a record is brighter than that mean, its limit by the mean
 // distances is smaller by the cube of how much, down to a tenth. A picture's squared error is in its bright places:
 // beside the windows of a nave 5 % of the pixels, the brightest, hold two fifths of it (bench/TRIED.md). Where
-// nothing has told the mean, E is the record's own. Where the rays tell irradiance to more than kMostErrorOfLight they
-// know no derivatives of it, and the ellipse is a circle by the mean distance: else records that found no light would
-// reach farthest. By geometry lambda / E is that of one radiance everywhere, whatever the rays found. Of light that comes straight from lamps by way of mirrors and glass
+// nothing has told the mean, E is the record's own. Of light that comes straight from lamps by way of mirrors and glass
 // the Hessian knows nothing; particles tell where it is and how far a record may count beside it (render/caustics.h).
+//
+// Where the rays tell irradiance to more than kMostErrorOfLight (render/hemisphere.h) they know no derivatives of it:
+// a record has no gradients, so that none bounds it, and with occlusion its ellipse is a circle by the mean distance.
+// Else records that found no light would reach farthest, and lucky ones least. The Hessian by geometry stays; lambda /
+// E is that of one radiance everywhere, whatever the rays found.
 //
 // Of Radiance's rules one is not kept: its largest radius is at most 64 times its least. Here that may be 100 times
 // (split sphere), or a fifth of D over 0.005 a D.

@@ -130,6 +130,19 @@ Strata Strata::for_rays(std::uint32_t rays) noexcept {
   return best;
 }
 
+bool is_light_known(const Hemisphere& seen) noexcept {
+  double sum = 0.0, squares = 0.0;
+  for (const HemisphereSample& s : seen.samples) {
+    const double L = luminance(s.L);
+    sum += L;
+    squares += L * L;
+  }
+  if (!(sum > 0.0)) return false;
+  // The square of the mean's relative standard error.
+  const double error2 = squares / (sum * sum) - 1.0 / static_cast<double>(seen.samples.size());
+  return error2 < kMostErrorOfLight * kMostErrorOfLight;
+}
+
 IrradianceGradients gradients_of(const Hemisphere& seen, float near) noexcept {
   const auto [M, N] = seen.strata;
   std::array<glm::vec2, 3> translational{}, rotational{};

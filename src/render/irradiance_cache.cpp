@@ -119,7 +119,7 @@ Record ShapedHemisphereSource::evaluate(unsigned thread, Tracer& tracer, const V
   if (extrapolates(shaper.level())) {
     RecordDetail& detail = shapes_.details[record.id];
     w.smooth(w.seen);
-    detail.gradients = gradients_of(w.seen, rays_.epsilon());
+    detail.gradients = is_light_known(w.seen) ? gradients_of(w.seen, rays_.epsilon()) : IrradianceGradients{};
     if (is_elliptic(shaper.level())) {
       const Irradiance expected =
           glm::max(g.E - w.seen.apart, 0.0f) + caustics_.irradiance_at(record.p, record.n);
