@@ -3,6 +3,8 @@
 // no program that is linked with Highway could be counted by it (bench/instructions). Nothing here asks for the figure.
 #include <hwy/nanobenchmark.h>
 
+#include <cstdint>
+
 namespace hwy::platform {
 
 __attribute__((visibility("default"))) std::uint64_t TimerResolution() { return 1; }

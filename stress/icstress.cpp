@@ -178,10 +178,10 @@ int print_replay(const std::string& id) {
 
 /// An option for how far to go: off, short (the default) or long.
 void add_extent(CLI::App& app, const std::string& name, explore::Extent& extent, const std::string& help) {
-  constexpr std::string_view kNames[] = {"off", "short", "long"};
-  constexpr explore::Extent kExtents[] = {explore::Extent::off, explore::Extent::brief,
-                                          explore::Extent::full};
-  const auto set = [&extent, name, kNames, kExtents](const std::string& text) {
+  static constexpr std::string_view kNames[] = {"off", "short", "long"};
+  static constexpr explore::Extent kExtents[] = {explore::Extent::off, explore::Extent::brief,
+                                                 explore::Extent::full};
+  const auto set = [&extent, name](const std::string& text) {
     const auto* at = std::find(std::begin(kNames), std::end(kNames), text);
     if (at == std::end(kNames))
       throw std::runtime_error(fmt::format("{} '{}' is none of off, short and long", name, text));

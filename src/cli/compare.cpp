@@ -52,8 +52,8 @@ constexpr std::pair<const char*, std::string_view> kViewingOptions[] = {{"--lumi
 
 void tell_viewing_without_effect(const CompareOptions& o, const std::vector<const Metric*>& metrics) {
   for (const auto& [option, metric] : kViewingOptions) {
-    const bool is_used =
-        std::any_of(metrics.begin(), metrics.end(), [&](const Metric* each) { return each->name == metric; });
+    const bool is_used = std::any_of(metrics.begin(), metrics.end(),
+                                     [name = metric](const Metric* each) { return each->name == name; });
     if (!is_used && o.given_to->count(option) > 0)
       tell_without_effect("icbench", option, fmt::format("without --metrics {}", metric));
   }

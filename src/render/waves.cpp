@@ -166,7 +166,6 @@ void Waves::answer_misses(const Thread& t) {
 
 // Pixels that find no record are left 0, but for the layers that do.
 void Waves::ask(const Thread& t, unsigned spacing, Which which) {
-  const auto& [cache, primary, key, out, asks_again] = t.frame;
   const std::size_t grain = std::max<std::size_t>(1, spacing * spacing / 16);
   const std::uint32_t edge = edge_of_blocks(spacing);
   Worker& w = workers_[t.index];
@@ -187,8 +186,8 @@ void Waves::ask(const Thread& t, unsigned spacing, Which which) {
         f(pixel);
       });
     };
-    for_each_visible(tiles_[i], primary, each_pixel, [&](const Visible& x) {
-      if (x.layer == 0) out.pixels[x.pixel] = glm::vec3(0.0f);
+    for_each_visible(tiles_[i], t.frame.primary, each_pixel, [&](const Visible& x) {
+      if (x.layer == 0) t.frame.out.pixels[x.pixel] = glm::vec3(0.0f);
       if (!reflects(rays_, x.hit)) return;
       if (which == Which::outdated) {
         if (const Made* own = made_at(x.pixel, x.layer, w.made_here)) {
@@ -200,7 +199,7 @@ void Waves::ask(const Thread& t, unsigned spacing, Which which) {
       w.asked.push_back({x.pixel, x.layer});
     });
     w.replies.resize(w.points.size());
-    cache.ask(t.index, w.points, w.answers, w.replies);
+    t.frame.cache.ask(t.index, w.points, w.answers, w.replies);
     w.use.queries += w.points.size();
     for (std::size_t k = 0; k < w.points.size(); ++k) {
       const auto [pixel, layer] = w.asked[k];
