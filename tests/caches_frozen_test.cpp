@@ -36,7 +36,6 @@ std::size_t compare(const std::vector<Record>& records, const CacheConfig& confi
       x = {r.p, r.n};
     }
     Shown expected;
-    Interpolator mean;
     for (const Record& r : records) {
       const float weight = split_sphere_weight(x, r, config.a);
       if (weight > 0.0f) expected.emplace_back(r.id, weight);
