@@ -258,9 +258,7 @@ double mean_of_picture(const RayTracer& rays, const PrimaryHits& primary, const 
       pass->tile(0, tracer, primary, key, tile, out);
     pass->end_sample(primary, out);
   }
-  double sum = 0.0;
-  for (const glm::vec3& L : out.pixels) sum += L.y;
-  return sum / static_cast<double>(out.pixels.size());
+  return mean_of(out);
 }
 
 // A method, and what its mean may be off by where light falls off towards the picture's edges: interpolation between

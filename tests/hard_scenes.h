@@ -244,10 +244,4 @@ inline void expect_an_image(const Image& image, const std::string& what) {
   }
 }
 
-inline double mean_of(const Image& image) {
-  double sum = 0.0;
-  for (const glm::vec3& L : image.pixels) sum += L.y;
-  return sum / static_cast<double>(image.pixels.size());
-}
-
 }  // namespace icbench

@@ -26,17 +26,12 @@ Scene lit_by_a_patch() {
   return s;
 }
 
-double mean_of(const Image& image) {
-  double sum = 0.0;
-  for (const glm::vec3& L : image.pixels) sum += L.y;
-  return sum / static_cast<double>(image.pixels.size());
-}
-
 class FewRays : public ::testing::TestWithParam<InterpolationEntry> {};
 INSTANTIATE_TEST_SUITE_P(Levels, FewRays, ::testing::ValuesIn(kInterpolations), level_name);
 
 // Guards against: records that found nothing, and so no derivative that would bound them, reaching farthest. When
-// derivatives were taken of whatever light was found, gradients lost 36 % of it and neighbour clamping 32 %.
+// derivatives are taken of whatever light was found, gradients lose 35 % of it, neighbour clamping 31, the geometric
+// Hessian 6 and the occlusion Hessian 63.
 TEST_P(FewRays, FindAllTheLightInTheMean) {
   constexpr int kSeeds = 48;
   const RayTracer rays(lit_by_a_patch());
@@ -49,7 +44,7 @@ TEST_P(FewRays, FindAllTheLightInTheMean) {
   }
   std::printf("%s: %.3f +- %.3f of the light\n", std::string(GetParam().name).c_str(), mean.mean(),
               mean.error());
-  EXPECT_NEAR(mean.mean(), 1.0, 0.02 + 3.0 * mean.error());
+  EXPECT_NEAR(mean.mean(), 1.0, 3.0 * mean.error());
 }
 
 }  // namespace

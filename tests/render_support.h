@@ -58,6 +58,13 @@ inline Image blank(int width, int height) {
   return image;
 }
 
+// Mean of the green channel.
+inline double mean_of(const Image& image) {
+  double sum = 0.0;
+  for (const glm::vec3& L : image.pixels) sum += L.y;
+  return sum / static_cast<double>(image.pixels.size());
+}
+
 // Calls f(tracer, tile) for all tiles, in `threads` threads.
 inline void for_tiles(const RayTracer& rays, int width, int height, TileOrder order, int threads,
                       const std::function<void(Tracer&, const Tile&)>& f) {
