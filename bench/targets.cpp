@@ -1,7 +1,8 @@
 // Every performance figure of the project, as a ratio from one run, with its verdict.
 //
 // A row is sampled until its 95 % interval lies on one side of the target, or its time is up: then it is
-// undecided. Exit status: 0 no row failed, 1 a row failed, 2 bad usage.
+// undecided. A row whose cache breaks its contract fails, whatever its ratio. Exit status: 0 no row failed, 1 a row
+// failed, 2 bad usage.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -65,7 +66,7 @@ Measured measure(const Row& row, const Machine& machine, const Options& o) {
     }
     const bool time_up = std::chrono::duration<double>(Clock::now() - start).count() > o.seconds;
     // Fewer samples than asked for say nothing: they are waited for, unless the machine does not yield them.
-    const bool enough = out.ratios.size() >= o.samples || skipped > 0;
+    const bool enough = out.ratios.size() >= o.samples || skipped > out.ratios.size();
     if (time_up ? enough : out.ratios.empty() && skipped >= kHopeless) break;
   }
   if (verdict == Verdict::undecided && out.ratios.size() >= o.samples) {
@@ -112,6 +113,7 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
     known.push_back(row.name);
     if (list.empty()) out.push_back(&row);
   }
+  std::vector<std::string_view> named;
   for (std::size_t begin = 0; !list.empty() && begin <= list.size();) {
     const std::size_t end = std::min(list.find(',', begin), list.size());
     const std::string_view name = std::string_view(list).substr(begin, end - begin);
@@ -122,9 +124,11 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
                                            guess.empty() ? "" : fmt::format("did you mean '{}'? ", guess),
                                            all.size()));
     }
+    named.push_back(name);
     out.push_back(&*at);
     begin = end + 1;
   }
+  require_distinct("--rows", named);
   return out;
 }
 
@@ -154,15 +158,18 @@ int run(const Options& o) {
   for (const Row* row : rows) {
     // A thread of its own for each row: some pin themselves.
     Measured m;
-    std::exception_ptr error;
+    std::string error;
     std::thread([&] {
       try {
         m = measure(*row, {topology, work, o.seed}, o);
-      } catch (...) {
-        error = std::current_exception();
+      } catch (const InvalidTrial& e) {
+        m.verdict = "fail";
+        m.why = e.what();
+      } catch (const std::exception& e) {
+        error = e.what();
       }
     }).join();
-    if (error) std::rethrow_exception(error);
+    if (!error.empty()) throw std::runtime_error(fmt::format("row {}: {}", row->name, error));
     json.push_back(to_json(*row, m, o.samples));
     if (!so_far.empty()) write_json(so_far, json);
     failed |= m.verdict == "fail";

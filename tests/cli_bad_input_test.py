@@ -9,6 +9,7 @@ import resource
 import struct
 import subprocess
 import unittest
+import unittest.mock
 
 from cli_support import (ICBENCH, PATIENCE, PRECIOUS, SANITIZED, SCENE, Case, small_capture, small_pareto, small_render,
                          small_repeatability, small_sweep)
@@ -21,6 +22,10 @@ class BadInput(Case):
         super().setUp()
         for name in "results.json", "render.exr", "out.json":
             (self.folder / name).write_text(PRECIOUS)
+
+    def test_a_machine_that_is_not_there(self):
+        with unittest.mock.patch.dict(os.environ, {"HWLOC_SYNTHETIC": "package:2 core:64 pu:2"}):
+            self.refuse(*small_sweep(), says=["HWLOC_SYNTHETIC", "another machine"])
 
     def test_unknown_names_with_the_nearest_offered(self):
         for arguments, nearest in (

@@ -274,6 +274,31 @@ class Interrupted(Case):
             self.assertGreater(len(safe), 0)
         self.assert_completes(QUICK, safe)
 
+    # Guards against: the work of a miss being calibrated anew, so that rows of one name did not do the same.
+    def test_a_resumed_sweep_works_by_the_steps_of_the_first(self):
+        # A second a miss; by the steps that stand in the file then, no time.
+        arguments = small_sweep(workloads="miss_driven:cost=1000000:operations=2000", out="r.json")
+        process = subprocess.Popen([ICBENCH, *arguments], cwd=self.folder, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.DEVNULL)
+        self.addCleanup(process.wait)
+        self.addCleanup(process.kill)
+        deadline = time.monotonic() + PATIENCE
+        while not (self.folder / "r.json").exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.kill()
+        process.wait(PATIENCE)
+        begun = self.load("r.json")
+        self.assertEqual(begun["benchmarks"], [])
+        begun["context"]["work_calibration"]["ns_per_unit"] = 1e30
+        (self.folder / "r.json").write_text(json.dumps(begun))
+        self.succeed(*arguments, "--resume")
+        results = self.load("r.json")
+        self.assertEqual(len(results["benchmarks"]), 1)
+        self.assertEqual(results["context"]["work_calibration"], begun["context"]["work_calibration"])
+        begun["context"]["work_calibration"] = {}
+        (self.folder / "r.json").write_text(json.dumps(begun))
+        self.assert_refused(self.run_icbench(*arguments, "--resume"), "damaged at 'work_calibration'")
+
     def test_interrupt_ends_promptly_and_resume_completes(self):
         process = self.start(SLOW)
         self.wait_for_rows(process, 2)

@@ -201,6 +201,21 @@ TEST(Results, AnEntryWithoutKeyIsRefused) {
       "repetition_index");
 }
 
+TEST(Results, EntriesWithoutATimeOrWithAnIndexBeyondAllAreRefused) {
+  const TemporaryDirectory dir;
+  write_run(dir / "r.json", 2, true);
+  const Json whole = load(dir / "r.json");
+  Json untimed = whole, far = whole;
+  untimed["benchmarks"][1].erase("real_time");
+  far["benchmarks"][1]["repetition_index"] = std::uint64_t{1} << 32;
+  for (const Json& damaged : {untimed, far}) {
+    write_text(dir / "r.json", damaged.dump());
+    expect_error(
+        error_of([&] { ResultsWriter(dir / "r.json", context(), configuration(), OnExisting::resume); }),
+        "real_time");
+  }
+}
+
 TEST(Results, AnotherConfigurationIsRefusedByItsFirstDifferingKey) {
   const TemporaryDirectory dir;
   write_run(dir / "r.json", 3, false);
@@ -216,6 +231,15 @@ TEST(Results, AnotherConfigurationIsRefusedByItsFirstDifferingKey) {
   other.erase("threads");
   expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
                "threads is [1,2] there and nothing now");
+
+  // Where lists are long, what differs stands far behind.
+  other = configuration();
+  other["threads"] = {1, 3};
+  expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
+               "threads[1] is 2 there and 3 now");
+  other["threads"] = {1, 2, 4};
+  expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
+               "threads[2] is nothing there and 4 now");
 }
 
 TEST(Results, OrderOfKeysAndNotationOfNumbersDoNotMakeAnotherConfiguration) {

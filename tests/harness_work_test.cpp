@@ -45,6 +45,17 @@ TEST(Work, CalibrationIsUsableAndRecorded) {
   EXPECT_GT(work.units_for_ns(1e9), 0u);
   EXPECT_EQ(c.to_json()["ns_per_unit"], c.ns_per_unit);
   EXPECT_EQ(c.to_json()["tries"], c.tries);
+  EXPECT_EQ(WorkCalibration::from_json(c.to_json()).to_json(), c.to_json());
+}
+
+TEST(Work, ADamagedCalibrationIsRefused) {
+  const auto good = WorkCalibration{2.0, 2.0, 1000, 5}.to_json();
+  auto none = good, zero = good, text = good;
+  none.erase("tries");
+  zero["ns_per_unit"] = 0.0;
+  text["ns_per_unit"] = "2";
+  for (const auto& bad : {none, zero, text, nlohmann::ordered_json()})
+    EXPECT_THROW(WorkCalibration::from_json(bad), std::runtime_error);
 }
 
 TEST(Ticks, NeverRunBackwardsOnOneThread) {

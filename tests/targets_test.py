@@ -6,6 +6,7 @@ Environment: TARGETS, the program.
 
 import json
 import os
+import resource
 import subprocess
 import tempfile
 import unittest
@@ -49,9 +50,28 @@ class Targets(unittest.TestCase):
         self.assertEqual([row["name"] for row in json.loads(done.stdout)], [QUICK])
         self.assertIn(QUICK, done.stderr)
 
+    # Guards against: rows that take several processing units end a run on one, and those behind them go unmeasured.
+    def test_rows_that_one_processing_unit_cannot_have_are_skipped(self):
+        unit = min(os.sched_getaffinity(0))
+        rows = ["simulator_error_throughput", "wait_free_read_only_scaling", QUICK]
+        done = subprocess.run([TARGETS, "--seconds", "1", "--rows", ",".join(rows), "--json", str(self.file)],
+                              capture_output=True, text=True, check=False,
+                              preexec_fn=lambda: os.sched_setaffinity(0, {unit}))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        verdicts = [(row["name"], row["verdict"]) for row in json.loads(self.file.read_text(encoding="utf-8"))]
+        self.assertEqual(verdicts, list(zip(rows, ("skipped", "skipped", "pass"))))
+
+    def test_an_error_names_its_row(self):
+        limit = 1_000_000_000
+        done = subprocess.run([TARGETS, "--rows", "packed_memory_1000000"], capture_output=True, text=True, check=False,
+                              preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("row packed_memory_1000000: ", done.stderr)
+
     def test_bad_usage_is_one_line(self):
         for options, hint in ((["--rows", "packed_memory_100"], f"did you mean '{QUICK}'"),
                               (["--rows", ""], "no row is named"),
+                              (["--rows", f"{QUICK},{QUICK}"], f"--rows names {QUICK} twice"),
                               (["--rows", QUICK, "--json", "/nowhere/rows.json"], "there is no folder"),
                               (["--rows", QUICK, "--samples", "5"], "6 to 2000"),
                               (["--list", "--seed", "-1"], "--seed '-1' is not a whole number"),

@@ -56,6 +56,7 @@ TEST(Spec, SyntheticParameters) {
   EXPECT_EQ(s.scene, "lit_floor");
   EXPECT_TRUE(s.uses_cache());
   EXPECT_EQ(parse_workload("miss_driven:cost=2.5").cost_us, 2.5);
+  EXPECT_EQ(parse_workload("miss_driven:cost=-0").name, parse_workload("miss_driven:cost=0").name);
   EXPECT_EQ(parse_workload("read_only:order=coherent").order, PointOrder::coherent);
   EXPECT_TRUE(parse_workload("mix_99_1:layout=tidied").tidied);
   EXPECT_TRUE(is_one_line_with(error_of([] { parse_workload("insert_only:layout=tidied"); }), "layout"));

@@ -41,7 +41,7 @@ class BreakdownSum : public Experiment {
     TrialSetup setup{team, machine_.work, machine_.seed + count_, 1};
     setup.accounts = accounts;
     TrialOutcome o = find_cache(cache).synthetic(plan_, setup);
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     for (const ThreadAccount& account : accounts) o.time.add_thread(account.thread_ticks(), rate_);
     return std::abs(1.0 - o.time.sum() / o.time.total);
   }

@@ -23,7 +23,7 @@ class CachedMeanRatio : public Experiment {
     const TrialOutcome o =
         find_cache("wait_free")
             .ray_traced(plan_, {team_, machine_.work, hash_keys(machine_.seed, 2, count_++), 0});
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     return {o.mean_ratio};
   }
   bool starts_warm() const override { return true; }

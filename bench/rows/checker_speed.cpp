@@ -34,8 +34,8 @@ class CheckerSpeed : public Experiment {
     for (const stress::RoundRecord& round : histories_) {
       const stress::Judgement judgement = stress::judge(round.history);
       if (!judgement.holds(stress::Check::linearizable))
-        throw std::runtime_error("wait_free_snapshot is not linearizable: " +
-                                 judgement[stress::Check::linearizable].witness);
+        throw InvalidTrial("wait_free_snapshot is not linearizable: " +
+                           judgement[stress::Check::linearizable].witness);
       operations += judgement.operations;
     }
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;

@@ -150,11 +150,11 @@ class InsertLatency : public Experiment {
 
   template <class Cache, class Session>
   void require_valid(const Cache& cache, Session& session, std::uint64_t inserted, std::uint64_t refused) {
-    if (refused != 0) throw std::runtime_error(fmt::format("{} inserts refused", refused));
+    if (refused != 0) throw InvalidTrial(fmt::format("{} inserts refused", refused));
     const std::string error = validate_records(
         cache, session, plan_.prefilled() + inserted, sample_points(plan_.points(), kOracleSamples),
         [&](std::uint32_t id) { return id < plan_.records().size() ? &plan_.records()[id] : nullptr; });
-    if (!error.empty()) throw std::runtime_error(error);
+    if (!error.empty()) throw InvalidTrial(error);
   }
 
   std::uint32_t rate_;

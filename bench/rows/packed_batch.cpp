@@ -56,7 +56,7 @@ class SingleOverBatch : public Experiment {
     std::vector<std::optional<Irradiance>> batched(some.size());
     session.query_batch(some, batched);
     if (!std::equal(batched.begin(), batched.end(), answers_.begin()))
-      throw std::runtime_error("a batch answers differently from single queries");
+      throw InvalidTrial("a batch answers differently from single queries");
   }
 
   static_assert(kTimedQueries <= kQueriesBefore, "there is room for the answers of either");

@@ -25,7 +25,7 @@ class FrameShare : public Experiment {
   Sample sample() override {
     const TrialOutcome o = run_ray_traced_trial<PackedWaitFree>(
         plan_, {team_, machine_.work, machine_.seed + count_++, /*latency_every=*/1});
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     const auto operations = static_cast<double>(o.query_ticks.count() + o.insert_ticks.count());
     const double clock = rate_.to_ns(clock_ticks()) * operations;
     const double in_cache = rate_.to_ns(o.query_ticks.sum() + o.insert_ticks.sum()) - clock;

@@ -28,7 +28,7 @@ double fill(Cache& cache, const SyntheticPlan& plan) {
   const double time = seconds([&] {
     for (const Record& r : plan.records()) refused += session.insert(r) != InsertResult::inserted;
   });
-  if (refused != 0) throw std::runtime_error(fmt::format("{} inserts refused", refused));
+  if (refused != 0) throw InvalidTrial(fmt::format("{} inserts refused", refused));
   return time;
 }
 

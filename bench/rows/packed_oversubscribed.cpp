@@ -47,7 +47,7 @@ class Oversubscribed : public Experiment {
     const std::uint32_t every = figure_ == Oversubscription::throughput ? 0 : 1;
     TrialOutcome o = run_synthetic_trial<PackedWaitFree, NoCounters>(
         plan_, {team, machine_.work, machine_.seed + count_, every});
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     return o;
   }
 

@@ -56,7 +56,7 @@ class ReadOnlyScaling : public Experiment {
 
   double wall_ns(const TrialSetup& setup) {
     const TrialOutcome o = run_synthetic_trial<Cache, NoCounters>(plan_, setup);
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     return o.wall_ns;
   }
 

@@ -15,6 +15,7 @@
 #include "harness/calibrated_work.h"
 #include "harness/statistics.h"
 #include "harness/topology.h"
+#include "workload/trial_entry.h"
 
 namespace icbench {
 
@@ -63,6 +64,7 @@ struct Sample {
 class Experiment {
  public:
   virtual ~Experiment() = default;
+  /// Throws InvalidTrial if a cache broke its contract.
   virtual Sample sample() = 0;
   /// Whether the first sample is as good as the others: where no time is taken, or what is timed runs cold beforehand.
   virtual bool starts_warm() const { return false; }

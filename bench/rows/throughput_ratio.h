@@ -31,7 +31,7 @@ class ThroughputRatio : public Experiment {
   template <template <class> class Cache>
   double throughput(const TrialSetup& setup) {
     const TrialOutcome o = run_synthetic_trial<Cache, NoCounters>(plan_, setup);
-    if (!o.error.empty()) throw std::runtime_error(o.error);
+    if (!o.error.empty()) throw InvalidTrial(o.error);
     return static_cast<double>(plan_.spec().operations) / o.wall_ns;
   }
 

@@ -95,6 +95,7 @@ void preempt_command(const PreemptOptions& o) {
                               {"seed", request.seed},
                               {"environment", environment_identity(context)}};
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
+  preempt.use(Work(WorkCalibration::from_json(results.context().at("work_calibration"))));
   Progress progress("preempt", static_cast<double>(2 * request.caches.size() * request.repetitions));
   std::vector<Json> rows = results.rows();
   std::vector<std::string> invalid;

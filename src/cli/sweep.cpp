@@ -197,6 +197,7 @@ void sweep_command(const SweepOptions& o) {
   }
   // Before anything is measured, so that a bad path or another configuration is told at once.
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
+  sweep.use(Work(WorkCalibration::from_json(results.context().at("work_calibration"))));
   tell_options_without_effect(o, request);
 
   std::size_t trials = 0;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "cli/cache_list.h"
 #include "cli/command.h"
@@ -254,9 +255,11 @@ void replay_command(const ReplayOptions& o) {
     results = std::make_unique<ResultsWriter>(o.json, context, configuration);
   }
   std::map<std::string, std::vector<Entry>> rows;
+  bool warm = false;
   for (unsigned repetition = 0; repetition < request.repetitions; ++repetition) {
     for (const SweepPoint& point : sweep.points(0, repetition)) {
       try {
+        if (!std::exchange(warm, true)) sweep.run(point, repetition);  // the first trial runs cold
         Entry entry = sweep.run(point, repetition);
         if (results) results->add(entry);
         rows[entry.name].push_back(std::move(entry));

@@ -4,6 +4,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <stdexcept>
 
 #include "harness/statistics.h"
 
@@ -25,6 +26,20 @@ nlohmann::ordered_json WorkCalibration::to_json() const {
           {"median_ns_per_unit", median_ns_per_unit},
           {"units_per_try", units_per_try},
           {"tries", tries}};
+}
+
+WorkCalibration WorkCalibration::from_json(const nlohmann::ordered_json& json) {
+  try {
+    WorkCalibration c;
+    json.at("ns_per_unit").get_to(c.ns_per_unit);
+    json.at("median_ns_per_unit").get_to(c.median_ns_per_unit);
+    json.at("units_per_try").get_to(c.units_per_try);
+    json.at("tries").get_to(c.tries);
+    if (c.ns_per_unit > 0.0) return c;
+  } catch (const nlohmann::json::exception&) {
+    // Told below.
+  }
+  throw std::runtime_error("the context of the results is damaged at 'work_calibration'; drop --resume");
 }
 
 Work Work::calibrate() {

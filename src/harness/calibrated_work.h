@@ -5,8 +5,8 @@
 // on a slower core, still executes the same instructions: unlike a timed wait, the work cannot hide
 // contention.
 //
-// Calibration tells how many units take how long on this machine when nothing disturbs; it is recorded with
-// the results.
+// Calibration tells how many units take how long on this machine when nothing disturbs; it is recorded with the
+// results, and a run that is resumed goes on with it, so that all of its trials do the same work.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +32,8 @@ struct WorkCalibration {
   unsigned tries = 0;
 
   nlohmann::ordered_json to_json() const;
+  /// What `to_json` gave. Throws std::runtime_error, one line, if it is damaged.
+  static WorkCalibration from_json(const nlohmann::ordered_json& json);
 };
 
 class Work {

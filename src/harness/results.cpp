@@ -7,6 +7,7 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -44,20 +45,31 @@ std::string shortened(const nlohmann::json* value) {
   return text;
 }
 
-/// "KEY=there, here KEY=..." of the first difference in the order of keys; empty if there is none.
-std::string first_difference(const nlohmann::json& there, const nlohmann::json& here,
-                             const std::string& prefix = {}) {
-  std::set<std::string> keys;
-  for (const nlohmann::json* side : {&there, &here})
-    for (const auto& item : side->items()) keys.insert(item.key());
-  for (const std::string& key : keys) {
-    const nlohmann::json* a = there.contains(key) ? &there[key] : nullptr;
-    const nlohmann::json* b = here.contains(key) ? &here[key] : nullptr;
-    if (a && b && *a == *b) continue;
-    if (a && b && a->is_object() && b->is_object()) return first_difference(*a, *b, prefix + key + ".");
-    return fmt::format("{}{} is {} there and {} now", prefix, key, shortened(a), shortened(b));
+/// "WHERE is ... there and ... now" of the first difference in the order of keys and indices; empty if there is none.
+std::string first_difference(const nlohmann::json* there, const nlohmann::json* here,
+                             const std::string& where = {}) {
+  if (there && here && *there == *here) return {};
+  const auto both = [&](auto is) { return there && here && (there->*is)() && (here->*is)(); };
+  if (both(&nlohmann::json::is_object)) {
+    std::set<std::string> keys;
+    for (const nlohmann::json* side : {there, here})
+      for (const auto& item : side->items()) keys.insert(item.key());
+    for (const std::string& key : keys) {
+      const auto in = [&](const nlohmann::json* side) {
+        return side->contains(key) ? &(*side)[key] : nullptr;
+      };
+      std::string found = first_difference(in(there), in(here), where + (where.empty() ? "" : ".") + key);
+      if (!found.empty()) return found;
+    }
   }
-  return {};
+  if (both(&nlohmann::json::is_array)) {
+    for (std::size_t i = 0; i < std::max(there->size(), here->size()); ++i) {
+      const auto in = [&](const nlohmann::json* side) { return i < side->size() ? &(*side)[i] : nullptr; };
+      std::string found = first_difference(in(there), in(here), fmt::format("{}[{}]", where, i));
+      if (!found.empty()) return found;
+    }
+  }
+  return fmt::format("{} is {} there and {} now", where, shortened(there), shortened(here));
 }
 
 [[noreturn]] void refuse(const fs::path& path, std::string_view why) {
@@ -169,13 +181,17 @@ void ResultsWriter::take(const Json& context_of_file, const std::vector<Json>& r
     refuse(from, "its context has no configuration");
   if (context_of_file.contains("resumed") && !context_of_file["resumed"].is_array())
     refuse(from, "its context is damaged at 'resumed'");
-  const std::string difference =
-      first_difference(normalised(context_of_file["configuration"]), normalised(configuration));
+  const nlohmann::json there = normalised(context_of_file["configuration"]), here = normalised(configuration);
+  const std::string difference = first_difference(&there, &here);
   if (!difference.empty()) refuse(from, fmt::format("it has another configuration: {}", difference));
+  const auto is_entry = [](const Json& row) {
+    return row.is_object() && row.contains("name") && row["name"].is_string() &&
+           row.contains("repetition_index") && row["repetition_index"].is_number_unsigned() &&
+           row["repetition_index"].get<std::uint64_t>() <= std::numeric_limits<unsigned>::max() &&
+           row.contains("real_time") && row["real_time"].is_number();
+  };
   for (const Json& row : rows) {
-    if (!row.is_object() || !row.contains("name") || !row["name"].is_string() ||
-        !row.contains("repetition_index") || !row["repetition_index"].is_number_unsigned())
-      refuse(from, "it has an entry without name or repetition_index");
+    if (!is_entry(row)) refuse(from, "it has an entry without name, repetition_index or real_time");
     if (completed_.emplace(row["name"].get<std::string>(), row["repetition_index"].get<unsigned>()).second)
       rows_.push_back(dump(row));
   }

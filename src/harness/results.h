@@ -70,6 +70,9 @@ class ResultsWriter {
   ResultsWriter(const ResultsWriter&) = delete;
   ResultsWriter& operator=(const ResultsWriter&) = delete;
 
+  /// The file's context: of a resumed file the earlier run's.
+  const Json& context() const noexcept { return context_; }
+
   /// Entries that are safe, those of a resumed file included.
   const std::set<Key>& completed() const noexcept { return completed_; }
   bool is_completed(const std::string& name, unsigned repetition_index) const {

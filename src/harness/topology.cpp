@@ -132,6 +132,12 @@ Topology::Topology(hwloc_topology* topology) {
 Topology Topology::of_this_process() {
   Handle handle = make_handle();
   load(handle);
+  if (hwloc_topology_is_thissystem(handle.get()) == 0) {
+    throw std::runtime_error(
+        "HWLOC_XMLFILE or HWLOC_SYNTHETIC tells of another machine than this; unset it, or set "
+        "HWLOC_THISSYSTEM=1 if "
+        "it is this one");
+  }
   return Topology(handle.get());
 }
 

@@ -41,6 +41,8 @@ class Preempt {
   const PreemptRequest& request() const noexcept { return request_; }
   const TickRate& tick_rate() const noexcept { return tick_rate_; }
   const Work& work() const noexcept { return work_; }
+  /// Takes simulated work as it was for the run that this one resumes.
+  void use(const Work& work) noexcept { work_ = work; }
 
   struct Point {
     const CacheEntry* cache;

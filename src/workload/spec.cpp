@@ -51,7 +51,7 @@ double parse_number(std::string_view workload, std::string_view key, std::string
     fail(workload,
          fmt::format("{}={} is not a {}number from {} to {}", key, value, whole ? "whole " : "", low, high));
   }
-  return number;
+  return number + 0.0;  // -0 is 0, and has its name
 }
 
 struct Parameter {

@@ -50,6 +50,8 @@ class Sweep {
 
   const SweepRequest& request() const noexcept { return request_; }
   const Work& work() const noexcept { return work_; }
+  /// Takes simulated work as it was for the run that this one resumes.
+  void use(const Work& work) noexcept { work_ = work; }
   const TickRate& tick_rate() const noexcept { return tick_rate_; }
 
   /// The points of a workload, in the random order of a repetition. Caches for a single thread appear with
