@@ -33,6 +33,7 @@
 #include <unordered_set>
 
 #include "cli/options.h"
+#include "files/standard_streams.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/results.h"
@@ -407,6 +408,7 @@ void count(const Options& o) {
 }  // namespace icbench
 
 int main(int argc, char** argv) {
+  icbench::occupy_standard_streams();
   icbench::survive_file_size_limits();
   icbench::Options o;
   CLI::App app{"Takes a query apart: what it costs in one structure after another, and what it reads",
@@ -423,11 +425,11 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     o.counting ? icbench::count(o) : icbench::run(o, {argv, argv + argc});
-    return 0;
+    return icbench::status_of_output("anatomy", 0);
   } catch (const CLI::Success& e) {
-    return app.exit(e);
+    return icbench::status_of_output("anatomy", app.exit(e));
   } catch (const std::exception& e) {
-    fmt::print(stderr, "anatomy: {}\n", e.what());
+    icbench::tell("anatomy: {}\n", e.what());
     return 2;
   }
 }

@@ -16,6 +16,7 @@
 #include "cli/options.h"
 #include "core/names.h"
 #include "files/json_file.h"
+#include "files/standard_streams.h"
 #include "rows/rows.h"
 
 namespace icbench {
@@ -191,6 +192,7 @@ int run(const Options& o) {
 }  // namespace icbench
 
 int main(int argc, char** argv) {
+  icbench::occupy_standard_streams();
   icbench::survive_file_size_limits();
   icbench::Options o;
   CLI::App app{"Measures every performance figure of the project as a ratio from one run", "targets"};
@@ -215,11 +217,11 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
     if (std::isnan(o.seconds))
       throw std::runtime_error("--seconds is not a number");  // in no range, and passes
-    return icbench::run(o);
+    return icbench::status_of_output("targets", icbench::run(o));
   } catch (const CLI::Success& e) {
-    return app.exit(e);
+    return icbench::status_of_output("targets", app.exit(e));
   } catch (const std::exception& e) {
-    fmt::print(stderr, "targets: {}\n", e.what());
+    icbench::tell("targets: {}\n", e.what());
     return 2;
   }
 }

@@ -11,6 +11,7 @@
 #include "cli/options.h"
 #include "core/names.h"
 #include "files/json_file.h"
+#include "files/standard_streams.h"
 #include "harness/progress.h"
 #include "stress/report.h"
 
@@ -148,7 +149,7 @@ class Run {
 };
 
 int fail(std::string_view line) {
-  fmt::print(stderr, "icstress: {}\n", line);
+  tell("icstress: {}\n", line);
   return 2;
 }
 
@@ -165,10 +166,7 @@ std::string unexpected(const CLI::App& app, const std::string& argument) {
 }
 
 /// The exit status of a run that could say what it found.
-int finish(bool passed) {
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) return fail("cannot write to standard output");
-  return passed ? 0 : 1;
-}
+int finish(bool passed) { return status_of_output("icstress", passed ? 0 : 1); }
 
 int print_replay(const std::string& id) {
   const explore::Replay replay = explore::replay(id);
@@ -230,8 +228,7 @@ int run_program(int argc, char** argv) {
     options.campaign.use_tsc = tsc_is_usable();
     options.campaign.use_counter = !kThreadSanitizer || !options.campaign.use_tsc;
     if (!options.campaign.use_tsc)
-      fmt::print(stderr,
-                 "icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
+      tell("icstress: the cores' time-stamp counters disagree; stamping by the shared counter alone\n");
     const Report& report = run.run();
     const bool passed = report.print(tables_stream(options.json));
     if (json->count() > 0) write_json(options.json, report.to_json());
@@ -249,6 +246,7 @@ int run_program(int argc, char** argv) {
 }  // namespace icbench::stress
 
 int main(int argc, char** argv) {
+  icbench::occupy_standard_streams();
   icbench::survive_file_size_limits();
   return icbench::stress::run_program(argc, argv);
 }

@@ -1,6 +1,7 @@
 // The contract that every cache in the registry keeps, checked against the brute-force oracle.
 #include <sys/mman.h>
 
+#include <array>
 #include <barrier>
 #include <fstream>
 #include <limits>
@@ -10,6 +11,7 @@
 
 #include "cache_contract.h"
 #include "caches/registry.h"
+#include "core/octree.h"
 
 namespace icbench {
 namespace {
@@ -31,6 +33,84 @@ TEST_P(Contract, SeesExactlyTheValidRecords) {
     most = std::max(most, expected.size());
   }
   EXPECT_GT(most, 5u) << "the test's records hardly overlap";
+}
+
+/// The last coordinate in front of a plane of the grid, or the first behind it. All axes of the bounds are alike.
+float beside(const OctreeAddressing& addressing, const Bounds& bounds, std::int32_t plane, bool is_behind) {
+  const auto reaches = [&](float f) { return addressing.quantise(glm::vec3(f)).x >= plane; };
+  const float share = static_cast<float>(plane) / static_cast<float>(1 << kMaxLevel);
+  float f = bounds.lower.x + share * (bounds.upper.x - bounds.lower.x);
+  while (reaches(f)) f = std::nextafter(f, bounds.lower.x);
+  while (!reaches(std::nextafter(f, bounds.upper.x))) f = std::nextafter(f, bounds.upper.x);
+  return is_behind ? std::nextafter(f, bounds.upper.x) : f;
+}
+
+// Guards against: cells, lanes and distances that leave out what is valid by a hair. The accuracy is the coarsest, the
+// point lies at corners of cells, and the record as far from it as validity goes: sideways, or below its plane.
+TEST_P(Contract, RecordsAreSeenToTheEdgeOfTheirValidityInEveryCell) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kRecords = kSanitized ? 300 : 3000;
+  for (const float a : {0.05f, 0.4f, 1.0f}) {
+    CacheConfig c = config(kRecords);
+    c.a = c.a_max = a;
+    c.bounds = {glm::vec3(-0.37f), glm::vec3(0.71f)};
+    const OctreeAddressing addressing(c.bounds);
+    AnyCache cache(GetParam(), c);
+    auto session = cache.open_session(0);
+    Pcg32 random(17);
+    const auto direction = [&] {
+      for (;;) {
+        const glm::vec3 v(random.uniform() - 0.5f, random.uniform() - 0.5f, random.uniform() - 0.5f);
+        if (glm::dot(v, v) > 0.01f && glm::dot(v, v) < 0.25f) return glm::normalize(v);
+      }
+    };
+    std::vector<std::pair<SurfacePoint, std::uint32_t>> edges;
+    for (std::uint32_t id = 0; id < kRecords; ++id) {
+      const glm::vec3 n = random.below(2) == 0 ? glm::vec3(0, 0, 1) : direction();
+      const int level = 1 + static_cast<int>(random.below(13));
+      SurfacePoint x;
+      for (int axis = 0; axis < 3; ++axis) {
+        const std::uint32_t plane = 1 + random.below((1u << level) - 1);
+        // Of the cells around, mostly the one that lies farthest behind the record.
+        x.p[axis] = beside(addressing, c.bounds, static_cast<std::int32_t>(plane << (kMaxLevel - level)),
+                           random.below(8) == 0 ? n[axis] > 0.0f : n[axis] <= 0.0f);
+      }
+      const float R = std::exp2(-static_cast<float>(level) - 4.0f * random.uniform()) / (2.0f * a);
+      const bool is_below = random.below(2) == 0;
+      // What distance leaves of the accuracy goes to the normals.
+      const float far = is_below               ? 0.4f + 0.2f * random.uniform()
+                        : random.below(2) == 0 ? 1.0f
+                                               : random.uniform();
+      const float angle = std::acos(1.0f - 0.9999f * a * a * (1.0f - far) * (1.0f - far));
+      glm::vec3 aside = glm::normalize(glm::cross(n, direction()));
+      if (n.z == 1.0f && random.below(2) == 0)
+        aside = {0, random.below(2) == 0 ? -1 : 1, 0};  // to where its box ends
+      x.n = glm::normalize(std::cos(angle) * n + std::sin(angle) * aside);
+      const float up = random.below(2) == 0 ? 0.0f : 1.5f * random.uniform();
+      const auto record = [&](float t) {
+        const float height = is_below ? -1.5f * t : up,
+                    distance = far * a * R * (is_below ? 0.9999f : 1.1f * t);
+        return make_record(id, x.p - distance * (std::cos(height) * aside + std::sin(height) * n), n, R);
+      };
+      float valid = 0.0f, invalid = 1.0f;
+      for (int i = 0; i < 40; ++i) {
+        const float middle = 0.5f * (valid + invalid);
+        (split_sphere_weight(x, record(middle), a) > 0.0f ? valid : invalid) = middle;
+      }
+      const Record r = record(valid);
+      if (!(split_sphere_weight(x, r, a) > 0.0f) || !is_askable(x, c.bounds)) continue;
+      if (session.insert(r) != InsertResult::inserted) continue;
+      edges.emplace_back(x, id);
+    }
+    ASSERT_GT(edges.size(), kRecords / 2);
+    for (int merged = 0; merged < 2; ++merged) {
+      for (const auto& [x, id] : edges) {
+        const auto ids = seen(session, x);
+        ASSERT_TRUE(std::binary_search(ids.begin(), ids.end(), id)) << "record " << id << ", accuracy " << a;
+      }
+      cache.end_frame();
+    }
+  }
 }
 
 /// Of this process, the memory for which large pages were asked, as far as the system tells.
@@ -171,6 +251,26 @@ TEST_P(Contract, ABatchOfVisitsShowsWhatVisitsShowOneByOne) {
       for (const auto count : {&Counts::queries, &Counts::invalid_queries, &Counts::records_valid})
         ASSERT_EQ(after.*count - between.*count, between.*count - before.*count) << size << " points";
     }
+  }
+}
+
+TEST(DistributedRwLock, WhoTriesSeesEveryReaderAndTheWriter) {
+  DistributedRwLock<StdSync> lock;
+  std::array<DistributedRwLock<StdSync>::Reader, 3> readers;
+  for (auto& reader : readers) lock.admit(reader);
+  for (auto& reader : readers) {
+    ASSERT_TRUE(reader.try_lock_shared());
+    EXPECT_FALSE(lock.try_lock()) << "reader " << &reader - readers.data();
+    for (auto& other : readers) {
+      if (&other == &reader) continue;
+      EXPECT_TRUE(other.try_lock_shared()) << "a try in vain keeps nothing";
+      other.unlock_shared();
+    }
+    reader.unlock_shared();
+    ASSERT_TRUE(lock.try_lock());
+    for (auto& other : readers) EXPECT_FALSE(other.try_lock_shared());
+    EXPECT_FALSE(lock.try_lock());
+    lock.unlock();
   }
 }
 

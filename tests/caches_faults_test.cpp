@@ -207,6 +207,33 @@ TEST_P(Faults, NothingIsLostWhenAllLaterAllocationsAreRefused) {
   }
 }
 
+// Guards against: tickets and places that inserts in vain keep, until a cache with room refuses all.
+TEST_P(Faults, RefusedInsertsCostNoRoom) {
+  constexpr std::uint32_t kRoom = 1000, kTurns = 40, kInVain = 80;
+  CacheConfig c = config(kRoom);
+  c.max_sessions = 1;
+  AnyCache cache(GetParam(), c);
+  auto session = cache.open_session(0);
+  Pcg32 rng(130);
+  std::uint32_t accepted = 0;
+  const auto insert = [&] {
+    const SurfacePoint x = random_surface_point(rng);
+    // Tiny: a path of nodes for each.
+    const auto result = session.insert(make_record(accepted, x.p, x.n, 1e-6f));
+    accepted += result == InsertResult::inserted;
+    return result;
+  };
+  for (std::uint32_t turn = 0; turn < kTurns; ++turn) {
+    Refusals::stop();
+    ASSERT_EQ(insert(), InsertResult::inserted);  // what a session takes of memory comes in pieces
+    Refusals::refuse(0, UINT64_MAX);
+    for (std::uint32_t i = 0; i < kInVain; ++i) insert();
+  }
+  Refusals::stop();
+  ASSERT_LT(accepted, kRoom) << "hardly an insert was in vain";
+  while (accepted < kRoom) ASSERT_EQ(insert(), InsertResult::inserted) << accepted;
+}
+
 TEST_P(Faults, ThreadsThatRaceWithoutMemoryLoseNothing) {
   constexpr std::uint32_t kEach = 600;
   const std::uint32_t threads = Contract::threads();

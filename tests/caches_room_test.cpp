@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <functional>
 #include <string_view>
 #include <vector>
 
@@ -54,6 +55,32 @@ TEST_P(Room, MemoryTakenBeforehandIsMissingToNobody) {
     cache.end_frame();
     ASSERT_EQ(stored(cache).size(), kCapacity);
     cache.clear();
+  }
+}
+
+// Guards against: tickets that sessions keep, or that are dealt out again, past a quiescent point.
+TEST_P(Room, NoMoreRecordsThanTheCapacityWhateverHappenedBefore) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  constexpr std::uint32_t kCapacity = 1000;
+  const std::function<void(AnyCache&)> kHappened[] = {
+      [](AnyCache& cache) { cache.clear(); }, [](AnyCache& cache) { cache.tidy(); },
+      [](AnyCache& cache) { cache.update_records([](Record&) { return UpdateResult::keep; }); },
+      [](AnyCache& cache) {
+        cache.end_frame();
+        cache.update_records(
+            [](Record& r) { return r.id % 2 == 0 ? UpdateResult::drop : UpdateResult::keep; });
+      }};
+  const auto records = random_records(2 * kCapacity, 16);
+  for (const auto& happened : kHappened) {
+    AnyCache cache(GetParam(), config(kCapacity));
+    std::vector<AnyCache::Session> sessions;
+    for (std::uint32_t t = 0; t < threads(); ++t) sessions.push_back(cache.open_session(t));
+    constexpr std::uint32_t kBefore = 300;
+    for (std::uint32_t i = 0; i < kBefore; ++i) sessions[i % threads()].insert(records[i]);
+    happened(cache);
+    for (std::uint32_t i = kBefore; i < records.size(); ++i) sessions[i % threads()].insert(records[i]);
+    cache.end_frame();
+    EXPECT_EQ(stored(cache).size(), kCapacity) << "of the last " << &happened - kHappened;
   }
 }
 

@@ -53,6 +53,8 @@ using Stamped = stress::Rebound<WaitFreeSnapshot<>, WithInterruptions>;
 using Flagged = stress::Rebound<WaitFree<>, WithInterruptions>;
 using PackedStamped = stress::Rebound<PackedWaitFreeSnapshot<>, WithInterruptions>;
 using PackedFlagged = stress::Rebound<PackedWaitFree<>, WithInterruptions>;
+using CountedTree = stress::Rebound<WaitFree<WithCounters>, WithInterruptions>;
+using CountedPacked = stress::Rebound<PackedWaitFree<WithCounters>, WithInterruptions>;
 
 constexpr CacheConfig kConfig{.capacity = 1000, .max_sessions = 3};
 const SurfacePoint kPlace{{0.3f, 0.4f, 0.0f}, {0, 0, 1}};
@@ -140,6 +142,33 @@ TEST(PackedInterleavings, ARecordAppearsInAllItsCellsAtOnce) {
   EXPECT_EQ(copies_that_appear_late<PackedFlagged>(), 0u);
   // Before the insert draws its tick, and before it stamps: the first query stamps the record for all later ones.
   EXPECT_EQ(copies_that_appear_late<PackedStamped>(), 2u);
+}
+
+/// An insert that is interrupted before any of its steps by another's at the same place loses what that installs. Its
+/// next one builds the same elsewhere: what was lost must be what that begins with. Returns how often something was.
+template <class Cache>
+unsigned losses_made_good() {
+  const SurfacePoint elsewhere{{0.8f, 0.9f, 1.0f}, {0, 0, 1}};
+  unsigned losses = 0;
+  std::vector<std::uint64_t> needed;
+  for (bool was_missed = false; !was_missed;) {
+    Cache cache(kConfig);
+    auto writer = cache.open_session(0), other = cache.open_session(1);
+    Interruption::before(static_cast<unsigned>(needed.size()), [&] { other.insert(small(1)); });
+    writer.insert(small(0));
+    was_missed = Interruption::was_missed();
+    const Counts before = cache.counters();
+    writer.insert(make_record(2, elsewhere.p, elsewhere.n, small(2).R));
+    needed.push_back(cache.counters().nodes_allocated - before.nodes_allocated + before.nodes_discarded);
+    losses += before.nodes_discarded != 0;
+  }
+  EXPECT_EQ(std::count(needed.begin(), needed.end(), needed.back()), needed.size());
+  return losses;
+}
+
+TEST(LostRaces, LeaveTheirUnitToTheSessionsNextInsert) {
+  EXPECT_GT(losses_made_good<CountedTree>(), 5u);
+  EXPECT_GT(losses_made_good<CountedPacked>(), 1u);
 }
 
 /// Stops a query before each of its steps, where a large and then a small record are inserted; what it saw of the two.

@@ -99,7 +99,7 @@ struct CountingStructure {
 };
 
 TEST(Tidy, DealsAnyNumberOfRecordsToAllThreadsThereAre) {
-  for (const std::uint32_t n : {0u, 1u, 12'288u, 20'001u, 40'003u}) {
+  for (const std::uint32_t n : {0u, 1u, 12'288u, 20'001u, 40'003u, 200'003u}) {
     CountingStructure structure{random_records(n, 59)};
     std::vector<std::uint32_t> given(4, 0);
     lay_out_in_space(

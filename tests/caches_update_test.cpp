@@ -78,6 +78,23 @@ TEST_P(Updates, AnUpdateThatDropsNothingReachesAllCopiesToo) {
   EXPECT_GT(shown, 500u);
 }
 
+// Guards against: the last of the cells, whose copies stay when records go, to show the next ones in their places twice.
+TEST_P(Updates, WhatTakesADroppedRecordsPlaceIsShownOnce) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  AnyCache cache(GetParam(), config());
+  auto session = cache.open_session(0);
+  for (std::uint32_t i = 0; i < 60; ++i) {
+    // Each in cells of its own.
+    const SurfacePoint x{{(static_cast<float>(i) + 0.3f) / 60.0f, 0.3f, 0.3f}, {0, 0, 1}};
+    session.insert(make_record(i, x.p, x.n, 1e-3f));
+    cache.end_frame();
+    cache.update_records([&](Record& r) { return r.id == i ? UpdateResult::drop : UpdateResult::keep; });
+    session.insert(make_record(100 + i, x.p, x.n, 1e-3f));
+    ASSERT_EQ(seen(session, x), (std::vector<std::uint32_t>{100 + i}));
+    cache.end_frame();
+  }
+}
+
 TEST_P(Updates, AnUpdateThatThrowsLeavesEveryRecordThereOnceOrGone) {
   if (!keeps()) GTEST_SKIP() << "keeps nothing";
   AnyCache cache(GetParam(), config());

@@ -94,6 +94,19 @@ class Animate(Case):
         for frame in frames:
             self.assertTrue(frame.read_bytes().endswith(PNG_END), frame.name)
 
+    # Guards against: frames of two animations in one folder.
+    def test_two_never_share_a_folder(self):
+        arguments = small_animation(out="both", frames=100_000)
+        first = subprocess.Popen([ICBENCH, *arguments], cwd=self.folder, stdout=subprocess.DEVNULL,
+                                 stderr=subprocess.DEVNULL)
+        self.addCleanup(first.wait)
+        self.addCleanup(first.kill)
+        deadline = time.monotonic() + PATIENCE
+        while not (self.folder / "both" / "frame_0000.png").exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        done = self.run_icbench(*small_animation(out="both"))
+        self.assert_refused(done, "another process is writing", "both")
+
     def test_bad_input(self):
         for option, values in {"--frames": ["0", "-1", "x"], "--every": ["0", "x"], "--format": ["gif", "", "PNG"],
                                "--vpls": ["0", "-1", "65537"], "--integrator": ["TIC"],

@@ -366,6 +366,24 @@ class BadInput(Case):
                                     stderr=subprocess.PIPE, text=True, timeout=PATIENCE)
             self.assert_refused(closed, "standard output")
 
+    # Guards against: a log on a full disk costing the picture.
+    def test_notes_that_nobody_can_hear_cost_no_picture(self):
+        (self.folder / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        with open("/dev/full", "w") as full:
+            done = self.run_icbench(*small_render(scene="bare.obj", out="a.exr"), capture_output=False,
+                                    stdout=subprocess.DEVNULL, stderr=full)
+        self.assertEqual(done.returncode, 0)
+        self.succeed("compare", "a.exr", "a.exr")
+
+    def test_places_that_cannot_take_a_file_are_told_before_the_work(self):
+        (self.folder / "loop.exr").symlink_to("loop.exr")
+        self.refuse(*small_render(out="loop.exr"), says=["leads nowhere"])
+        self.refuse(*small_render(out="a.exr"), "--save-cache", "c" * 246, says=["too long"])
+        gone = 'mkdir gone && cd gone && rmdir ../gone && exec "$0" "$@"'
+        done = subprocess.run(["sh", "-c", gone, ICBENCH, *small_render(scene=SCENE, out="a.exr")], cwd=self.folder,
+                              capture_output=True, text=True, timeout=PATIENCE)
+        self.assert_refused(done, "working directory is gone")
+
     def test_closed_streams_never_end_up_in_files(self):
         arguments = small_render(out="a.exr", json="a.json")
         done = subprocess.run(["sh", "-c", '"$0" "$@" <&- >&- 2>&-', ICBENCH, *arguments],
@@ -388,6 +406,16 @@ class BadInput(Case):
                     *arguments,
                     preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
                 self.assert_refused(done)
+
+    # Guards against: asking a scene that Embree had no memory for.
+    @unittest.skipIf(SANITIZED, "sanitizers need their terabytes of address space")
+    def test_memory_that_ends_in_the_middle(self):
+        for limit in range(200 << 20, 400 << 20, 10 << 20):
+            with self.subTest(limit):
+                done = self.run_icbench(
+                    *small_sweep(out="a.json"),
+                    preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
+                self.assertIn(done.returncode, (0, 2), done.stderr)
 
     def test_a_cache_that_does_not_fit_is_named_before_anything_is_measured(self):
         (self.folder / "a.json").write_text("precious")

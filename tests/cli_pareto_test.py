@@ -7,6 +7,7 @@ import os
 import statistics
 import subprocess
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -126,6 +127,21 @@ class Pareto(Case):
         self.assertEqual(self.load("results/p.json")["context"]["images"], "../shots", "where the report looks")
         results = json.loads(self.succeed(*small_pareto(methods="path", size="8x8", out="/dev/stdout")))
         self.assertEqual(len(results["benchmarks"]), 5)
+
+    # Guards against: an index of earlier pictures among those of a run that was killed.
+    def test_an_index_of_pictures_goes_before_they_do(self):
+        options = {"methods": "path", "size": "8x8", "out": "p.json", "images": "shots"}
+        self.succeed(*small_pareto(**options))
+        index = self.folder / "shots/images.json"
+        self.assertTrue(index.exists())
+        other = subprocess.Popen([ICBENCH, *small_pareto(**options, frame=1, repetitions=4096)], cwd=self.folder,
+                                 stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.addCleanup(other.wait)
+        self.addCleanup(other.kill)
+        deadline = time.monotonic() + PATIENCE
+        while index.exists() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        self.assertFalse(index.exists())
 
     def test_the_warm_frame_traces_less(self):
         rays = self.medians("rays")

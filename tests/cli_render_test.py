@@ -69,6 +69,12 @@ class Render(Case):
         more = self.load("b.json")
         self.assertEqual(more["records"], cold["records"] + more["queries"] - more["hits"])
 
+    def test_records_that_find_no_room_are_told(self):
+        tight = small_render(scene="cornell_box", size="24x24", spp=16, accuracy="0.002", out="a.exr", json="a.json")
+        self.assertIn("found no room", self.run_icbench(*tight).stderr)
+        self.assertGreater(self.load("a.json")["full"], 0)
+        self.assertNotIn("no room", self.run_icbench(*tight, "--cache", "null").stderr)
+
     def test_one_thread_repeats_itself_and_the_seed_matters(self):
         def picture(seed):
             self.succeed(*small_render(threads=1, seed=seed, out="a.exr"))

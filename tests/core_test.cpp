@@ -1,10 +1,12 @@
 // Weights, validity, radius limits, random numbers and octree addressing.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
 
+#include "core/arena.h"
 #include "core/cache.h"
 #include "core/octree.h"
 #include "core/random.h"
@@ -247,6 +249,25 @@ TEST(Octree, PointBoundsAreUsable) {
   const GridPoint u = octree.quantise({2, 2, 2});
   EXPECT_EQ(u.x, 0);
   EXPECT_TRUE(reaches(octree, {2, 2, 2}, {2, 2, 2}, 1e-3f));
+}
+
+TEST(Arena, HandsOutAllUnitsAndNoneBeyondAndZeroAgain) {
+  // A page each: what lies beyond is somebody else's.
+  constexpr std::size_t kUnit = 4096;
+  Arena<StdSync, kUnit> arena(3);
+  for (int round = 0; round < 2; ++round) {
+    for (UnitIndex i = 1; i <= 3; ++i) {
+      ASSERT_EQ(arena.take(1), i);
+      auto* const unit = static_cast<unsigned char*>(arena.at(i));
+      EXPECT_EQ(std::count(unit, unit + kUnit, 0), kUnit) << "unit " << i << ", round " << round;
+      std::fill_n(unit, kUnit, 0xff);
+    }
+    EXPECT_EQ(arena.take(1), 0u);
+    EXPECT_EQ(arena.end(), 4u);
+    EXPECT_EQ(arena.left(), 0u);
+    arena.reset();
+    EXPECT_EQ(arena.take(4), 0u) << "more than there are";
+  }
 }
 
 TEST(Random, StreamsDependOnTheKeyAlone) {

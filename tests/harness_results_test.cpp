@@ -232,14 +232,11 @@ TEST(Results, AnotherConfigurationIsRefusedByItsFirstDifferingKey) {
   expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
                "threads is [1,2] there and nothing now");
 
-  // Where lists are long, what differs stands far behind.
+  // Where lists are long, what differs may stand far behind.
   other = configuration();
-  other["threads"] = {1, 3};
+  other["threads"] = {1, 2, std::string(60, 'x'), 3};
   expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
-               "threads[1] is 2 there and 3 now");
-  other["threads"] = {1, 2, 4};
-  expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
-               "threads[2] is nothing there and 4 now");
+               "threads[2] is nothing there and \"xxx");
 }
 
 TEST(Results, OrderOfKeysAndNotationOfNumbersDoNotMakeAnotherConfiguration) {

@@ -22,6 +22,7 @@
 #include "render_support.h"
 #include "scene/registry.h"
 #include "scene/shapes.h"
+#include "specular_scenes.h"
 
 namespace icbench {
 namespace {
@@ -155,13 +156,14 @@ struct CellsRun {
   Image image;
   PassFigures figures;
 };
+constexpr std::size_t kRoomForAll = 0;
 CellsRun run_cells(const RayTracer& rays, int size, const SampleKey& key, std::uint32_t paths,
                    float cell_size, unsigned threads = 1, std::size_t cells = 1 << 13) {
   ThreadCrew crew(rays, threads);
   PassSetup setup{rays, crew, size, size};
   setup.paths = paths;
   setup.cell_size = cell_size;
-  const auto pass = make_hash_cells(setup, cells);
+  const auto pass = cells == kRoomForAll ? make_hash_cells(setup) : make_hash_cells(setup, cells);
   const PrimaryHits primary = primary_hits(rays, size, size);
   const auto tiles = make_tiles(size, size, 8, TileOrder::random, threads);
   CellsRun run{blank(size, size), {}};
@@ -233,6 +235,24 @@ TEST(RenderHashCells, PicturesDoNotDependOnThreads) {
       EXPECT_EQ(many.figures.records, one.figures.records);
     }
     EXPECT_FALSE(are_equal(one.image, run_cells(rays, 48, {.seed = 10}, 1, 6.0f).image));
+  }
+}
+
+// A pixel sees more points through six panes than it has cells by count of pixels.
+TEST(RenderHashCells, HasRoomForAllThatIsSeenThroughGlass) {
+  Scene scene = gallery();
+  const auto glass = scene.add_material(kGlass);
+  for (int i = 0; i < 6; ++i) {
+    const float z = 0.8f - 0.1f * static_cast<float>(i);
+    scene.meshes.push_back(box("pane", {{-0.9f, 0.1f, z - 0.02f}, {0.9f, 1.9f, z}}, glass));
+  }
+  const RayTracer rays(std::move(scene));
+  const CellsRun one = run_cells(rays, 48, {.seed = 9}, 1, 1.0f, 1, kRoomForAll);
+  EXPECT_GT(one.figures.use.inserts, 2u * 4u * 48u * 48u) << "there is not enough to see";
+  for (const unsigned threads : {1u, 3u}) {
+    const CellsRun many = run_cells(rays, 48, {.seed = 9}, 1, 1.0f, threads, kRoomForAll);
+    EXPECT_EQ(many.figures.use.full, 0u);
+    EXPECT_TRUE(are_equal(one.image, many.image));
   }
 }
 

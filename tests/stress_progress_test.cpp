@@ -260,6 +260,8 @@ TEST_P(ProgressOfCache, IsWhatItDeclares) {
     if (r.declared == ProgressGuarantee::wait_free && r.operation == "insert") {
       for (const InterferenceSteps& s : r.steps_by_interference)
         EXPECT_LE(s.steps, r.bound_steps) << s.inserts;
+      // A retry that ends after some time keeps within a bound for the worst case, but not the series from rising.
+      EXPECT_LE(2 * r.steps_by_interference.back().steps, 3 * r.steps_by_interference.front().steps);
     }
   }
 }

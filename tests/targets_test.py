@@ -68,6 +68,13 @@ class Targets(unittest.TestCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("row packed_memory_1000000: ", done.stderr)
 
+    def test_streams_that_cannot_be_written_end_in_its_own_status(self):
+        with open("/dev/full", "w", encoding="utf-8") as full:
+            self.assertEqual(subprocess.run([TARGETS, "--rows", "none"], stderr=full, check=False).returncode, 2)
+            done = subprocess.run([TARGETS, "--list"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, "^targets: cannot write to .*\n$")
+
     def test_bad_usage_is_one_line(self):
         for options, hint in ((["--rows", "packed_memory_100"], f"did you mean '{QUICK}'"),
                               (["--rows", ""], "no row is named"),

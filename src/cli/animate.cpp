@@ -15,6 +15,7 @@
 #include "cli/frame_options.h"
 #include "cli/options.h"
 #include "files/json_file.h"
+#include "files/output_file.h"
 #include "harness/progress.h"
 #include "image/image.h"
 #include "image/webp_animation.h"
@@ -104,8 +105,10 @@ void animate_command(const AnimateOptions& o) {
   for (std::uint32_t frame = 0; frame < frames; frame += std::min(o.every, std::max(frames - 1 - frame, 1u)))
     rendered.push_back(frame);
   const std::set<fs::path> ours = keeps ? files_of(o, rendered) : std::set<fs::path>();
+  Descriptor alone;
   if (keeps) {
     prepare_folder(o.out);
+    alone = lock_folder(o.out);
     require_no_others(o, ours);
   }
 
@@ -145,7 +148,7 @@ void animate_command(const AnimateOptions& o) {
     fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
                keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
   }
-  require_room(setup.request(), total.pass.use);
+  judge_room(setup.request(), total.pass.use);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "cli/options.h"
 #include "files/memory.h"
+#include "files/standard_streams.h"
 #include "render/hidden_lamps.h"
 #include "scene/registry.h"
 #include "workload/names.h"
@@ -50,8 +51,8 @@ void warn_of_options_without_effect(const FrameOptions& o, const IntegratorEntry
     if (!option.is_used_by(integrator) && known != nullptr && known->count() > 0) idle.push_back(option.name);
   }
   if (!idle.empty())
-    fmt::print(stderr, "icbench: {} {} no effect on {}\n", fmt::join(idle, ", "),
-               idle.size() == 1 ? "has" : "have", integrator.name);
+    tell("icbench: {} {} no effect on {}\n", fmt::join(idle, ", "), idle.size() == 1 ? "has" : "have",
+         integrator.name);
 }
 
 }  // namespace
@@ -97,7 +98,8 @@ void add_frame_options(CLI::App* app, FrameOptions& o) {
       "--deterministic", o.deterministic,
       "The same picture and records for any number of threads and\nany cache that has room; status 1 "
       "where it has not");
-  app->add_flag("--overture", o.overture, "Make all records of a cache first, then the picture");
+  app->add_flag("--overture", o.overture,
+                "Make all records of a sample of the pixels first, then its\npicture");
   add_text("--tiles", o.tiles, "Order of the tiles: scanline, morton or random");
   add_whole(app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0}, "Seed of all random numbers");
   add_positive(app, "--exposure", o.exposure, 1e6f,
@@ -170,7 +172,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
 }
 
 void FrameSetup::tell_notes() const {
-  for (const std::string& note : notes_) fmt::print(stderr, "note: {}\n", note);
+  for (const std::string& note : notes_) tell("note: {}\n", note);
   warn_of_options_without_effect(options_, request_->integrator);
 }
 
@@ -211,21 +213,26 @@ nlohmann::ordered_json FrameSetup::asked() const {
   return j;
 }
 
-void require_room(const FrameRequest& request, const CacheUse& use) {
-  if (!request.deterministic || !request.integrator.needs_cache() || use.full == 0) return;
-  throw CheckFailed(
-      fmt::format("{} records found no room in the cache, so the picture depends on the threads in spite of "
-                  "--deterministic; {}",
-                  use.full,
-                  request.cache.traits.name == "null" ? "'null' keeps none: take another cache"
-                                                      : "take a coarser --accuracy or fewer --spp"));
+void judge_room(const FrameRequest& request, const CacheUse& use) {
+  if (!request.integrator.needs_cache() || use.full == 0) return;
+  const bool keeps_none = request.cache.traits.name == "null";
+  const char* const remedy = keeps_none ? "'null' keeps none: take another cache"
+                                        : "take a coarser --accuracy, fewer --spp or a larger --size";
+  if (request.deterministic) {
+    throw CheckFailed(
+        fmt::format("{} records found no room in the cache, so the picture depends on the threads in spite "
+                    "of --deterministic; {}",
+                    use.full, remedy));
+  }
+  if (!keeps_none)
+    tell("note: {} records found no room in the cache and served one pixel each; {}\n", use.full, remedy);
 }
 
 void tell_few_vpls(const FrameRequest& request, const PassFigures& pass) {
   if (!request.integrator.uses_vpls || 2 * pass.vpls_in_use >= request.vpls) return;
   constexpr std::string_view kWhy =
       "light seldom reaches a surface, and how bright the picture is goes by chance";
-  fmt::print(stderr, "note: {} virtual point lights of {}: {}\n", pass.vpls_in_use, request.vpls, kWhy);
+  tell("note: {} virtual point lights of {}: {}\n", pass.vpls_in_use, request.vpls, kWhy);
 }
 
 void add_cost(nlohmann::ordered_json& j, const IntegratorEntry& integrator, const FrameCost& cost) {

@@ -59,8 +59,9 @@ class FrameSetup {
   std::vector<std::string> notes_;
 };
 
-/// Throws CheckFailed if --deterministic could not be kept: records found no room in the cache, and which did was chance.
-void require_room(const FrameRequest& request, const CacheUse& use);
+/// Names records that found no room in the cache; throws CheckFailed if --deterministic could not be kept for them, for
+/// which did was chance.
+void judge_room(const FrameRequest& request, const CacheUse& use);
 
 /// A line on standard error if there are far fewer virtual point lights than were asked for: the picture then goes by
 /// chance.

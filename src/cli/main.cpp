@@ -1,25 +1,21 @@
 // The `icbench` program.
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
-#include <iostream>
 
 #include "cli/command.h"
 #include "cli/compare.h"
 #include "core/names.h"
 #include "files/output_file.h"
+#include "files/standard_streams.h"
 #include "harness/build_info.h"
 
 namespace icbench {
 namespace {
 
 std::vector<std::string> g_command_line;
-
-constexpr const char* kNoOutput = "cannot write to standard output";
 
 /// One line for an argument that `at`, the program or one of its subcommands, does not know, with the nearest
 /// option or subcommand offered.
@@ -60,24 +56,8 @@ void for_each_command(CLI::App& at, std::vector<CLI::App*> above, F&& f) {
 int report(std::string line, int status) {
   std::replace_if(
       line.begin(), line.end(), [](unsigned char c) { return std::iscntrl(c) != 0; }, ' ');
-  std::fputs(fmt::format("icbench: {}\n", line).c_str(), stderr);  // nobody is left to tell if this fails
+  tell("icbench: {}\n", line);
   return status;
-}
-
-/// Standard streams that the caller has closed get a descriptor that fails, lest a file that is opened later
-/// takes their number and receives what was meant for them.
-void occupy_standard_streams() {
-  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
-    if (fcntl(stream, F_GETFD) >= 0) continue;
-    // The lowest free number.
-    const int taken = open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);
-    if (taken > stream) close(taken);
-  }
-}
-
-/// Whether everything that was printed has arrived.
-bool flush_output() {
-  return std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.flush().good();
 }
 
 std::string version() {
@@ -131,10 +111,9 @@ int run(int argc, char** argv) {
       std::fputs(app.help().c_str(), stderr);
       return 2;
     }
-    return flush_output() ? 0 : report(kNoOutput, 2);
+    return status_of_output("icbench", 0);
   } catch (const CLI::Success& e) {
-    const int status = app.exit(e);
-    return flush_output() ? status : report(kNoOutput, 2);
+    return status_of_output("icbench", app.exit(e));
   } catch (const CLI::ParseError& e) {
     std::string commands;
     for (auto at = app.get_subcommands(); !at.empty(); at = at[0]->get_subcommands())

@@ -21,6 +21,7 @@
 
 #include "core/names.h"
 #include "files/output_file.h"
+#include "files/standard_streams.h"
 #include "harness/topology.h"
 
 namespace icbench {
@@ -140,33 +141,7 @@ inline CLI::Option* add_file(CLI::App* app, const std::string& name, std::string
 /// Names an option on standard error that was given and has no effect `where`; bad usage is to be told before, in one
 /// line.
 inline void tell_without_effect(std::string_view program, std::string_view option, std::string_view where) {
-  fmt::print(stderr, "{}: {} has no effect {}\n", program, option, where);
-}
-
-/// Throws if a file of that name can certainly not be written: to be told before the work, not after it.
-inline void require_writable(std::string_view option, const std::filesystem::path& path) {
-  const auto refuse = [&](const std::string& why) {
-    throw std::runtime_error(fmt::format("{} '{}': {}", option, path.string(), why));
-  };
-  if (path.empty()) refuse("this names no file");
-  std::error_code none;
-  if (std::filesystem::is_directory(path, none)) refuse("this is a folder; name a file");
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
-  if (!std::filesystem::is_directory(folder, none)) {
-    refuse(fmt::format("there is no folder '{}'; make it first", folder.string()));
-  }
-  // A regular file is replaced by another that is written beside it (files/output_file.h).
-  const bool is_there = std::filesystem::exists(path, none);
-  const bool is_replaced = !is_written_in_place(path);
-  const std::filesystem::path target =
-      std::filesystem::is_symlink(path, none) ? std::filesystem::weakly_canonical(path, none) : path;
-  const std::filesystem::path place = target.has_parent_path() ? target.parent_path() : ".";
-  if ((is_there && access(path.c_str(), W_OK) != 0) ||
-      (is_replaced && access(place.c_str(), W_OK | X_OK) != 0)) {
-    refuse("no permission to write there; choose another place");
-  }
-  if (is_replaced && target.filename().native().size() + kTemporaryAddition > NAME_MAX)
-    refuse(fmt::format("this name is too long; {} characters at most", NAME_MAX - kTemporaryAddition));
+  tell("{}: {} has no effect {}\n", program, option, where);
 }
 
 /// Whether a command tells its figures in words: not where standard output may be the file of its results.
@@ -194,8 +169,12 @@ inline bool is_same_file(const std::filesystem::path& a, const std::filesystem::
     return !p.empty() && (!fs::exists(p, none) || fs::is_regular_file(p, none));
   };
   if (!may_be_file(a) || !may_be_file(b)) return false;
-  return fs::equivalent(a, b, none) ||
-         fs::weakly_canonical(fs::absolute(a), none) == fs::weakly_canonical(fs::absolute(b), none);
+  const auto resolved = [](const fs::path& p) {
+    std::error_code gone;  // the working directory
+    const fs::path whole = fs::absolute(p, gone);
+    return gone ? p : fs::weakly_canonical(whole, gone);
+  };
+  return fs::equivalent(a, b, none) || resolved(a) == resolved(b);
 }
 
 /// Throws if a file that is to be written is another of them, or one that is read: it would be lost.

@@ -39,6 +39,8 @@ struct ParetoOptions {
 
 /// Samples of `path` whose times are the budgets for which pictures are written.
 constexpr double kBudgets[] = {16, 64};
+/// Beside them: what they are.
+constexpr const char* kImageIndex = "images.json";
 
 std::vector<const ParetoMethod*> methods_of(const std::string& text) {
   std::vector<const ParetoMethod*> out;
@@ -151,7 +153,7 @@ void write_images(const ParetoOptions& o, ParetoStudy& study, const std::vector<
     }
     index["budgets"].push_back({{"spp", budget}, {"seconds", seconds}, {"pictures", pictures}});
   }
-  write_json(folder / "images.json", index);
+  write_json(folder / kImageIndex, index);
 }
 
 /// Throws unless pictures can be made and put there.
@@ -168,7 +170,7 @@ void prepare_images(const ParetoOptions& o, const std::vector<ParetoPoint>& poin
     throw std::runtime_error(
         fmt::format("--images '{}': cannot make this folder; name one that can be written", o.images));
   }
-  require_writable("--images", fs::path(o.images) / "images.json");
+  require_writable("--images", fs::path(o.images) / kImageIndex);
 }
 
 void pareto_command(const ParetoOptions& o) {
@@ -178,7 +180,7 @@ void pareto_command(const ParetoOptions& o) {
   }
   const std::vector<const ParetoMethod*> methods = methods_of(o.methods);
   const std::vector<ParetoPoint> points = pareto_points(methods, o.grid == "coarse");
-  require_apart({{"--out", o.out}, {"--images", o.images.empty() ? "" : fs::path(o.images) / "images.json"}},
+  require_apart({{"--out", o.out}, {"--images", o.images.empty() ? "" : fs::path(o.images) / kImageIndex}},
                 {{"--scene", o.scene}});
   if (!o.images.empty()) prepare_images(o, points);
   FrameOptions frame;
@@ -224,7 +226,12 @@ void pareto_command(const ParetoOptions& o) {
     context["images"] = fs::weakly_canonical(fs::absolute(o.images)).lexically_relative(folder).string();
   }
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
-  if (!o.images.empty()) results.note("images", context["images"]);
+  if (!o.images.empty()) {
+    results.note("images", context["images"]);
+    // Until all are written anew: an index of earlier pictures would be taken for one of these.
+    std::error_code none;
+    fs::remove(fs::path(o.images) / kImageIndex, none);
+  }
 
   Progress preparing("reference", ParetoStudy::reference_work(request));
   ParetoStudy study(request, [&](double work) { preparing.advance(work); });

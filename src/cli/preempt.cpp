@@ -9,6 +9,7 @@
 
 #include "cli/command.h"
 #include "cli/options.h"
+#include "files/standard_streams.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
@@ -55,10 +56,10 @@ void print_summary(const std::vector<Json>& rows) {
   }
   for (const std::string& name : order) {
     if (!name.ends_with("/held") || median(values[name]["holds"]) > 0.0) continue;
-    fmt::print(stderr,
-               "warning: {}: in most trials nobody was held before they were over; give --workload more "
-               "operations, or a shorter --pause-ms\n",
-               name);
+    tell(
+        "warning: {}: in most trials nobody was held before they were over; give --workload more "
+        "operations, or a shorter --pause-ms\n",
+        name);
   }
 }
 

@@ -190,7 +190,7 @@ void render_command(const RenderOptions& o) {
                integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
     if (cost.residual) fmt::print("{}", told(*cost.residual));
   }
-  require_room(setup.request(), cost.pass.use);
+  judge_room(setup.request(), cost.pass.use);
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "cli/frame_options.h"
 #include "cli/options.h"
 #include "files/memory.h"
+#include "files/standard_streams.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
@@ -123,7 +124,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
   ResultsWriter results(o.out, context, configuration, o.resume ? OnExisting::resume : OnExisting::replace);
   for (const CacheEntry* cache : caches) {
     if (cache->traits.single_thread && threads != std::vector{1u})
-      fmt::print(stderr, "note: {} serves one thread, and is measured with one\n", cache->traits.name);
+      tell("note: {} serves one thread, and is measured with one\n", cache->traits.name);
   }
 
   Progress preparing("reference", RepeatabilityStudy::reference_work(request));

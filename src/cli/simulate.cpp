@@ -10,6 +10,7 @@
 #include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/options.h"
+#include "files/standard_streams.h"
 #include "harness/environment.h"
 #include "harness/progress.h"
 #include "harness/statistics.h"
@@ -161,7 +162,7 @@ void simulate_command(const SimulateOptions& o) {
   if (!calibration) {
     make_folder_of(request.calibration_path);
     require_writable("--calibration", request.calibration_path);  // what cannot be kept is not measured
-    fmt::print(stderr, "calibrating this machine into {}\n", request.calibration_path);
+    tell("calibrating this machine into {}\n", request.calibration_path);
     calibration = calibrate_machine(topology, context);
     write_calibration(*calibration, request.calibration_path);
   }
@@ -186,8 +187,7 @@ void simulate_command(const SimulateOptions& o) {
   const nlohmann::ordered_json configuration = {
       {"command", "simulate"}, {"workloads", workloads}, {"caches", r.caches},
       {"cores", r.cores},      {"seed", r.seed},         {"virtual_machine", context["virtual_machine"]}};
-  simulation.complete_calibration(
-      [](const std::string& what) { fmt::print(stderr, "calibrating {}\n", what); });
+  simulation.complete_calibration([](const std::string& what) { tell("calibrating {}\n", what); });
   ResultsWriter results(out, context, configuration);
   if (o.validate && o.given_to->count("--cores") > 0)
     tell_without_effect("icbench", "--cores", "with --validate, which takes those of this machine");

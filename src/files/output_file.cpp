@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <limits.h>
 #include <poll.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -60,7 +61,56 @@ bool is_current(const Descriptor& file, const fs::path& path) {
          opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
 }
 
+/// Throws if another process has locked the same. Other errors come from file systems without locks; one writer is then
+/// the caller's care.
+void lock(const Descriptor& opened, const fs::path& output, std::string_view kind) {
+  if (flock(opened.get(), LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+  throw std::runtime_error(fmt::format("another process is writing '{}'; wait for it or choose another {}",
+                                       output.string(), kind));
+}
+
+// Characters by which the longest name of a temporary file is longer: that of a cache's or trace's
+// (caches/cache_file_bytes.h), with a process and a number.
+constexpr std::size_t kTemporaryAddition = std::string_view(".tmp4194304.4294967295").size();
+
+/// Whether renaming over a file there is denied although one may write to both: in a sticky folder its owner alone may,
+/// or the folder's.
+bool is_kept_by_its_owner(const fs::path& file, const fs::path& folder) {
+  struct stat f {};
+  struct stat d {};
+  const uid_t me = geteuid();
+  return me != 0 && stat(file.c_str(), &f) == 0 && stat(folder.c_str(), &d) == 0 &&
+         (d.st_mode & S_ISVTX) != 0 && f.st_uid != me && d.st_uid != me;
+}
+
 }  // namespace
+
+void require_writable(std::string_view option, const fs::path& path) {
+  const auto refuse = [&](const std::string& why) {
+    throw std::runtime_error(fmt::format("{} '{}': {}", option, path.string(), why));
+  };
+  if (path.empty()) refuse("this names no file");
+  std::error_code none;
+  if (fs::is_directory(path, none)) refuse("this is a folder; name a file");
+  if (path.is_relative() && fs::current_path(none).empty())
+    refuse("the working directory is gone; change to one that is there");
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  if (!fs::is_directory(folder, none)) {
+    refuse(fmt::format("there is no folder '{}'; make it first", folder.string()));
+  }
+  // A regular file is replaced by another that is written beside it.
+  const bool is_there = fs::exists(path, none);
+  const bool is_replaced = !is_written_in_place(path);
+  const fs::path target = fs::is_symlink(path, none) ? fs::weakly_canonical(path, none) : path;
+  if (is_replaced && target.empty()) refuse("this link leads nowhere; choose another place");
+  const fs::path place = target.has_parent_path() ? target.parent_path() : ".";
+  if ((is_there && access(path.c_str(), W_OK) != 0) ||
+      (is_replaced && (access(place.c_str(), W_OK | X_OK) != 0 || is_kept_by_its_owner(target, place)))) {
+    refuse("no permission to write there; choose another place");
+  }
+  if (is_replaced && target.filename().native().size() + kTemporaryAddition > NAME_MAX)
+    refuse(fmt::format("this name is too long; {} characters at most", NAME_MAX - kTemporaryAddition));
+}
 
 void write_file(const fs::path& path, std::string_view bytes) {
   if (!is_written_in_place(path)) {
@@ -108,12 +158,16 @@ Descriptor open_alone(const fs::path& path, int flags, const fs::path& output) {
   for (;;) {
     Descriptor file(open(path.c_str(), flags | O_CREAT | O_CLOEXEC, 0666));
     if (!file) throw_output_error(output, errno);
-    // Other errors come from file systems without locks; one writer is then the caller's care.
-    if (flock(file.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-      throw std::runtime_error(fmt::format(
-          "another process is writing '{}'; wait for it or choose another file", output.string()));
+    lock(file, output, "file");
     if (is_current(file, path)) return file;
   }
+}
+
+Descriptor lock_folder(const fs::path& folder) {
+  Descriptor opened(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!opened) throw_output_error(folder, errno);
+  lock(opened, folder, "folder");
+  return opened;
 }
 
 void replace_file(const fs::path& file, const std::function<void(const Descriptor&)>& write) {

@@ -21,12 +21,16 @@ void write_file(const std::filesystem::path& path, std::string_view bytes);
 /// another process is at it.
 void replace_file(const std::filesystem::path& file, const std::function<void(const Descriptor&)>& write);
 
-/// Characters by which the temporary file's name is longer.
-inline constexpr std::size_t kTemporaryAddition = std::string_view("..icbench").size();
+/// Throws if a file of that name can certainly not be written: to be told before the work, not after it. `option`: by
+/// which it was named.
+void require_writable(std::string_view option, const std::filesystem::path& path);
 
 /// Opens a file, or creates it, that nobody else has opened so: the lock goes with the descriptor. `flags` as of
 /// open(2); `output` is for the message.
 Descriptor open_alone(const std::filesystem::path& path, int flags, const std::filesystem::path& output);
+
+/// A folder that nobody else has so, for as long as the descriptor is open: for files that belong together.
+Descriptor lock_folder(const std::filesystem::path& folder);
 
 /// Whether `path` is to be written in place: it exists and is no regular file, or names an open descriptor.
 bool is_written_in_place(const std::filesystem::path& path);

@@ -39,18 +39,21 @@ std::string hash_of(const nlohmann::json& j) {
   return hash.digits();
 }
 
-std::string shortened(const nlohmann::json* value) {
-  std::string text = value ? value->dump() : "nothing";
-  if (text.size() > 60) text = text.substr(0, 57) + "...";
-  return text;
+/// Characters of a value that a line has room for.
+constexpr std::size_t kToldInLine = 60;
+
+std::string dump(const nlohmann::json* value) { return value ? value->dump() : "nothing"; }
+
+std::string shortened(std::string text) {
+  return text.size() <= kToldInLine ? text : text.substr(0, kToldInLine - 3) + "...";
 }
 
-/// "WHERE is ... there and ... now" of the first difference in the order of keys and indices; empty if there is none.
+/// "WHERE is ... there and ... now" of the first difference in the order of keys, and of indices in long lists; empty if
+/// there is none.
 std::string first_difference(const nlohmann::json* there, const nlohmann::json* here,
                              const std::string& where = {}) {
   if (there && here && *there == *here) return {};
-  const auto both = [&](auto is) { return there && here && (there->*is)() && (here->*is)(); };
-  if (both(&nlohmann::json::is_object)) {
+  if (there && here && there->is_object() && here->is_object()) {
     std::set<std::string> keys;
     for (const nlohmann::json* side : {there, here})
       for (const auto& item : side->items()) keys.insert(item.key());
@@ -62,14 +65,15 @@ std::string first_difference(const nlohmann::json* there, const nlohmann::json* 
       if (!found.empty()) return found;
     }
   }
-  if (both(&nlohmann::json::is_array)) {
-    for (std::size_t i = 0; i < std::max(there->size(), here->size()); ++i) {
+  const std::string a = dump(there), b = dump(here);
+  if (there && here && there->is_array() && here->is_array() && std::max(a.size(), b.size()) > kToldInLine) {
+    for (std::size_t i = 0;; ++i) {
       const auto in = [&](const nlohmann::json* side) { return i < side->size() ? &(*side)[i] : nullptr; };
       std::string found = first_difference(in(there), in(here), fmt::format("{}[{}]", where, i));
       if (!found.empty()) return found;
     }
   }
-  return fmt::format("{} is {} there and {} now", where, shortened(there), shortened(here));
+  return fmt::format("{} is {} there and {} now", where, shortened(a), shortened(b));
 }
 
 [[noreturn]] void refuse(const fs::path& path, std::string_view why) {

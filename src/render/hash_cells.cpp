@@ -23,13 +23,14 @@ constexpr float kDisplacement = 0.25f;
 
 class HashCellsPass final : public IndirectPass {
  public:
-  HashCellsPass(const PassSetup& s, std::size_t cells)
+  HashCellsPass(const PassSetup& s, std::size_t cells, bool grows)
       : rays_(s.rays),
         crew_(s.crew),
         cell_size_(s.cell_size),
         paths_(s.paths),
         height_(s.height),
         tiles_(make_tiles(s.width, s.height, 32, TileOrder::morton)),
+        grows_(grows),
         table_(cells),
         workers_(s.crew.size()) {}
 
@@ -42,6 +43,7 @@ class HashCellsPass final : public IndirectPass {
       if (cells_[i] != CellTable::kNone) table_.sweep(cells_[i]);
     });
     number_extras(primary);
+    if (grows_ && table_.size() < 2 * primary.count()) table_ = CellTable(2 * primary.count());
     E_.resize(primary.count());
     cells_.assign(primary.count(), CellTable::kNone);
     for (Worker& w : workers_) w.brightest = 0.0f;
@@ -153,6 +155,7 @@ class HashCellsPass final : public IndirectPass {
   std::uint32_t paths_;
   int height_;
   std::vector<Tile> tiles_;
+  bool grows_;  // so that nobody is refused
   CellTable table_;
   std::vector<Worker> workers_;
 
@@ -247,14 +250,14 @@ std::uint64_t CellGrid::fingerprint(const Hit& hit, Pcg32& random) const noexcep
 }
 
 std::unique_ptr<IndirectPass> make_hash_cells(const PassSetup& setup, std::size_t cells) {
-  return std::make_unique<HashCellsPass>(setup, cells);
+  return std::make_unique<HashCellsPass>(setup, cells, false);
 }
 
 std::unique_ptr<IndirectPass> make_hash_cells(const PassSetup& setup) {
-  // Twice as many as there can be, so that hardly any place is taken: pixels; where pixels see several points through
-  // glass, some more.
+  // Twice as many as there can be, so that hardly any place is taken: where pixels see several points through glass
+  // that is known when they have been seen.
   const std::size_t pixels = static_cast<std::size_t>(setup.width) * static_cast<std::size_t>(setup.height);
-  return make_hash_cells(setup, pixels * (setup.rays.scene().has_specular() ? 4 : 2));
+  return std::make_unique<HashCellsPass>(setup, 2 * pixels, true);
 }
 
 }  // namespace icbench

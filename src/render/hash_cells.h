@@ -11,7 +11,8 @@
 // of cells becomes noise.
 //
 // Accumulators are fixed-point integers. Their sum does not depend on the order of additions, so a picture is bit for
-// bit the same for any number of threads, as long as no point was refused for lack of room. The scale is chosen for
+// bit the same for any number of threads: the table has room for all that is seen, unless it is given a size (below),
+// and then as long as no point was refused. The scale is chosen for
 // each sample of the pixels from its largest value and its number of points n:
 //     n (max + 1/2 unit) < 2^62 + 2^61 < 2^63     with unit = 2^-k and n max 2^k < 2^62,
 // so no sum overflows; a value is rounded by max n 2^-62 at most, 2^-42 of the brightest for a million points.
@@ -106,7 +107,7 @@ class CellGrid {
   int finest_ = 0;     ///< exponent of the smallest edge: coordinates then fit 31 bits
 };
 
-/// As make_hash_cells, with room for `cells` cells.
+/// As make_hash_cells, with room for `cells` cells and no more.
 std::unique_ptr<IndirectPass> make_hash_cells(const PassSetup& setup, std::size_t cells);
 
 }  // namespace icbench

@@ -235,6 +235,7 @@ void RayTracer::attach_shape(std::uint32_t i) {
   rtcAttachGeometryByID(to, geometry, i);
   rtcReleaseGeometry(geometry);
   if (mesh.moves()) embree::commit(to);
+  embree_->check(scene_);  // before anything is asked of it
   if (mesh.pose) embree_->inside[i] = inner_spheres(to, mesh);
 }
 

@@ -26,7 +26,7 @@ struct CachedPassSetup {
   std::uint64_t seed = 0;           ///< of which operations are timed
   /// Of the pictures, if they are to be made in waves (render/waves.h).
   const RayTracer* deterministic = nullptr;
-  bool overture = false;                ///< first all records, then the picture
+  bool overture = false;                ///< of a sample of the pixels first all records, then the picture
   TraceRecorder* trace = nullptr;       ///< captures what tiles do; not of pictures in waves
   std::span<ThreadAccount> accounts{};  ///< of the crew's threads, if their time is accounted for
 };
@@ -123,7 +123,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
   }
 
  protected:
-  /// With an overture all records are there before a picture asks.
+  /// With an overture all records that the sample makes are there before its picture asks.
   AskAgain ask_again() const noexcept { return has_overture_ ? AskAgain::never : AskAgain::where_outdated; }
 
   void publish() override {

@@ -32,14 +32,18 @@ constexpr Scenario kScenarios[] = {
     {"deep_and_shallow", {"i2", "i0", "q"}, true, 0, false},
     {"both_look", {"i1 q", "i1 q"}, true, 0, false},
     {"grow", {"i0", "i0"}, true, 4, false},
+    // Levels that nobody has been to, noted by two at once.
+    {"two_levels", {"i0", "i1"}, false, 0, false},
     {"look_between", {"i1", "i0 q", "q"}, true, 0, false},
     {"insert_batch", {"i1", "bb"}, true, 0, false},
+    {"chain_and_batch", {"i0 i1", "bb"}, true, 0, false},
     // A record is there in all of its cells or in none.
     {"across", {"x1", "l r"}, true, 0, false},
     {"across_back", {"x1", "r l"}, true, 0, false},
     // The memory that a thread has set to zero is published with what it builds there.
     {"prefault_query", {"i1", "q"}, false, 0, false, {}, 0, 0, true},
     {"prefault_insert", {"i1", "i1"}, false, 0, false, {}, 0, 0, true},
+    {"prefault_node", {"i3", "q"}, false, 0, false, "packed", 0, 0, true},
     // Beside a packed cell's first lanes: nodes, bricks, further lanes, children of full cells, lists.
     {"install_node", {"i3", "i3"}, true, 0, false, "packed"},
     {"node_query", {"i3", "q"}, true, 0, false, "packed"},
@@ -47,8 +51,11 @@ constexpr Scenario kScenarios[] = {
     {"brick_query", {"i3", "q"}, true, 0, false, "packed", 0, kWithBricks},
     {"further_lanes", {"i0", "i0"}, true, 0, false, "packed", kStripLanes},
     {"further_query", {"i0", "q"}, true, 0, false, "packed", kStripLanes},
+    {"last_lane", {"i0", "i0"}, true, 0, false, "packed", kCellLanes - 1},
     {"split", {"i0", "i0"}, true, 0, false, "packed", kCellLanes},
     {"split_query", {"i0", "q"}, true, 0, false, "packed", kCellLanes},
+    // Into cells of the next level, which another has for its own.
+    {"split_and_finer", {"i0", "i1"}, true, 0, false, "packed", kCellLanes, kWithBricks},
     {"list", {"i0", "i0"}, true, 0, false, "packed", 2 * kCellLanes},
     {"list_query", {"i0", "q"}, true, 0, false, "packed", 2 * kCellLanes},
     {"further_batch", {"i0", "bb"}, true, 0, false, "packed", kStripLanes},
@@ -60,7 +67,6 @@ constexpr Scenario kScenarios[] = {
     {"chain_and_insert", {"i0 i1", "i1", "q"}, true, 0, true},
     {"two_chains", {"i0 i1", "q q"}, true, 0, true},
     {"cold_inserts_query", {"i1", "i1", "q"}, false, 0, true},
-    {"chain_and_batch", {"i0 i1", "bb"}, true, 0, true},
     {"brick_and_look", {"i3", "i3", "q"}, true, 0, true, "packed", 0, kWithBricks},
     {"further_and_look", {"i0", "i0", "q"}, true, 0, true, "packed", kStripLanes},
     {"split_and_look", {"i0", "i0", "q"}, true, 0, true, "packed", kCellLanes},
