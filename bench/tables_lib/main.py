@@ -182,6 +182,7 @@ class Run:
         source = self._source_of_pictures(plan)
         if (earlier := self._pictures_made(folder, source)) is not None:
             return earlier
+        (folder / kMade).unlink(missing_ok=True)  # it does not vouch for what is overwritten from here on
         reference = pictures.read(self.store.place(plan.reference) / "picture.exr")
         exposure = pictures.exposure_of(reference)
         made = {"exposure": exposure}
