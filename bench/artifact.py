@@ -17,8 +17,13 @@ from pathlib import Path
 import pages
 from claims import (Refused, command_of, figures_of, interval_of, kRoot, known_rows, load_claims, name_of, options_of,
                     rows_with, store_claims, this_machine)
+from tables_lib.folder_lock import Taken, lock_folder
 
 kQuickMinutes = 30
+
+
+def say(text: str) -> None:
+    print(f"bench/artifact: {text}", file=sys.stderr, flush=True)
 
 
 class TimeUp(Exception):
@@ -29,11 +34,15 @@ def kept_in(out: Path) -> dict:
     """What was measured before, by name."""
     kept = out / "artifact.json"
     try:
-        return json.loads(kept.read_text(encoding="utf-8"))
+        results = json.loads(kept.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
         raise Refused(f"{kept} cannot be read ({error}); move it away") from None
+    fields = {"identity", "seconds", "verdict"}
+    if not isinstance(results, dict) or not all(isinstance(r, dict) and fields <= r.keys() for r in results.values()):
+        raise Refused(f"{kept} holds no measured claims; move it away")
+    return results
 
 
 class Judge:
@@ -160,6 +169,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out).resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)
+        lock_folder(out, "--out")  # until this process ends
     except OSError as error:
         raise Refused(f"cannot write to {out}: {error.strerror}; choose another --out") from None
     judged = Judge(out, Path(options.programs))
@@ -219,9 +229,11 @@ def main() -> int:
             write(Path(options.out), Path(options.programs))
             return 0
         return run(options)
-    except Refused as error:
-        print(f"bench/artifact: {error}", file=sys.stderr)
-        return 2
+    except (Refused, Taken) as error:
+        say(str(error))
+    except OSError as error:
+        say(f"{error.filename or 'input or output'}: {error.strerror}; mend it and start again to go on")
+    return 2
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The claims of README.md and bench/MEASURED.md: one place, nothing that drifts apart, judged and released by bench/."""
 
+import fcntl
 import json
 import os
 import re
@@ -282,6 +283,30 @@ class Judging(unittest.TestCase):
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+\n\Z")
             self.assertIn(says, done.stderr)
+
+    def test_what_cannot_be_read_or_written_is_one_line_and_contradicts_nothing(self):
+        row, out = "checker_speed", self.folder / "out"
+        answer = {"median": 12.5, "low": 12.5, "high": 12.6, "verdict": "pass"}
+        for name, text, says in (("artifact.json", "[]", "no measured claims"),
+                                 ("artifact.json", f'{{"{row}": {{}}}}', "no measured claims"),
+                                 ("artifact.new/x", "", "artifact.new: Is a directory; mend it")):
+            (out / name).parent.mkdir(parents=True)
+            (out / name).write_text(text)
+            done = self.artifact("--only", row, **{row: answer})
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+\n\Z")
+            self.assertIn(says, done.stderr)
+            shutil.rmtree(out)
+
+    def test_one_run_at_a_time_measures_into_a_folder(self):
+        out = self.folder / "out"
+        out.mkdir()
+        with open(out / ".lock", "w", encoding="utf-8") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            done = self.artifact("--only", "checker_speed")
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, rf"\Abench/artifact: another run is writing to '{out}'[^\n]*--out\n\Z")
+        self.assertFalse(self.calls.exists())
 
 
 @unittest.skipUnless(shutil.which("git") and (kRoot / ".git").exists(), "not in a clone")
