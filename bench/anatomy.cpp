@@ -49,7 +49,7 @@ using Json = nlohmann::ordered_json;
 struct Noted {
   std::unordered_set<std::uintptr_t> lines;
   std::uint64_t lists = 0, items = 0;
-  std::vector<Record> records;
+  std::vector<const Record*> records;  // each once; they stay where they are while their structure lives
 
   void start() {
     lines.clear();
@@ -60,7 +60,10 @@ struct Noted {
     constexpr std::uintptr_t kLine = 64;
     const auto first = reinterpret_cast<std::uintptr_t>(memory);
     for (std::uintptr_t line = first / kLine; line <= (first + bytes - 1) / kLine; ++line) lines.insert(line);
-    if (bytes == sizeof(Record)) records.push_back(*static_cast<const Record*>(memory));
+    // Lanes of padding show a record again.
+    const auto* record = static_cast<const Record*>(memory);
+    if (bytes == sizeof(Record) && std::find(records.begin(), records.end(), record) == records.end())
+      records.push_back(record);
   }
   void extent(std::uint32_t n) {
     ++lists;
@@ -112,9 +115,10 @@ Json what_is_read(const SyntheticPlan& plan, std::size_t example) {
   const SurfacePoint& x = plan.points()[example];
   ask(x);
   Json read = Json::array();
-  for (const Record& r : noted.records)
-    read.push_back(Json{
-        {"p", to_json(r.p)}, {"radius", r.R}, {"valid", split_sphere_weight(x, r, plan.config(1).a) > 0.0f}});
+  for (const Record* r : noted.records)
+    read.push_back(Json{{"p", to_json(r->p)},
+                        {"radius", r->R},
+                        {"valid", split_sphere_weight(x, *r, plan.config(1).a) > 0.0f}});
   return Json{{"cache_lines", lines / n},
               {"lists", lists / n},
               {"items", items / n},

@@ -17,8 +17,13 @@ from pathlib import Path
 import pages
 from claims import (Refused, command_of, figures_of, interval_of, kRoot, known_rows, load_claims, name_of, options_of,
                     rows_with, store_claims, this_machine)
+from tables_lib.folder_lock import Taken, lock_folder
 
 kQuickMinutes = 30
+
+
+def say(text: str) -> None:
+    print(f"bench/artifact: {text}", file=sys.stderr, flush=True)
 
 
 class TimeUp(Exception):
@@ -29,11 +34,15 @@ def kept_in(out: Path) -> dict:
     """What was measured before, by name."""
     kept = out / "artifact.json"
     try:
-        return json.loads(kept.read_text(encoding="utf-8"))
+        results = json.loads(kept.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
         raise Refused(f"{kept} cannot be read ({error}); move it away") from None
+    fields = {"identity", "seconds", "verdict"}
+    if not isinstance(results, dict) or not all(isinstance(r, dict) and fields <= r.keys() for r in results.values()):
+        raise Refused(f"{kept} holds no measured claims; move it away")
+    return results
 
 
 class Judge:
@@ -56,7 +65,8 @@ class Judge:
         os.replace(partial, self.out / "artifact.json")
 
     def measured(self, claim: dict, deadline: float = math.inf) -> dict:
-        """What the claim's command says, from an earlier run of the same programs and command if there was one.
+        """What the claim's command says, from an earlier run of the same programs and command if there was one; that it
+        was not measured, where bench/targets says so, which costs no other claim.
 
         Raises TimeUp at the deadline, in terms of time.monotonic().
         """
@@ -68,8 +78,12 @@ class Judge:
         start = time.monotonic()
         if start >= deadline:
             raise TimeUp
-        results = self._rows(claim, deadline - start) if "row" in claim else \
-            {name: self._check(claim, command)}
+        try:
+            results = self._rows(claim, deadline - start) if "row" in claim else \
+                {name: self._check(claim, command)}
+        except Refused as error:  # not kept: it may go the next time
+            self._keep()  # on a full disk the others would be lost as well: it ends the run
+            return {"verdict": "not measured", "why": str(error), "seconds": round(time.monotonic() - start, 1)}
         seconds = round((time.monotonic() - start) / len(results), 1)
         for each, result in results.items():
             self.results[each] = {"identity": identity, "command": command, "seconds": seconds, **result}
@@ -112,12 +126,16 @@ def judge(claim: dict, told: dict, result: dict) -> tuple[str, bool]:
     verdict = result["verdict"]
     if verdict == "skipped":
         return f"skipped: {result['why']}", False
+    if verdict == "not measured":
+        return verdict, False
     if "check" in claim:
         return verdict, verdict != "holds"
     low, high = interval_of(told["claimed"])
-    within = result["low"] <= high and low <= result["high"]
+    has_figure = result["low"] is not None
+    within = has_figure and result["low"] <= high and low <= result["high"]
     other = {verdict, told["verdict"]} == {"pass", "fail"}
-    return ("in" if within else "out") + (f", but {told['verdict']} became {verdict}" if other else ""), other
+    said = ("in" if within else "out") + (f", but {told['verdict']} became {verdict}" if other else "")
+    return said if has_figure else f"{said}: {result['why']}", other
 
 
 def figure(result: dict) -> str:
@@ -160,6 +178,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out).resolve()
     try:
         out.mkdir(parents=True, exist_ok=True)
+        lock_folder(out, "--out")  # until this process ends
     except OSError as error:
         raise Refused(f"cannot write to {out}: {error.strerror}; choose another --out") from None
     judged = Judge(out, Path(options.programs))
@@ -190,13 +209,15 @@ def run(options: argparse.Namespace) -> int:
         seconds += result["seconds"]
         if contradicts:
             contradicted.append(name_of(c))
+        if result["verdict"] == "not measured":
+            say(result["why"])
         target, measured = (rows[c["row"]][0], figure(result)) if "row" in c else ("", "")
         print(f"{name_of(c):<34} {target:<16} {told.get('claimed', 'holds'):<24} {told.get('verdict', ''):<10} "
               f"{measured:<24} {result['verdict']:<10} {said}", flush=True)
     told = ", ".join(f"{n} {what}" for what, n in counts.items())
     print(f"\n{len(claims)} claims in {seconds / 60:.1f} minutes: {told}; "
           f"contradicted: {', '.join(contradicted) or 'none'}")
-    return 1 if contradicted else 0
+    return 1 if contradicted else 2 if "not measured" in counts else 0
 
 
 def main() -> int:
@@ -219,9 +240,11 @@ def main() -> int:
             write(Path(options.out), Path(options.programs))
             return 0
         return run(options)
-    except Refused as error:
-        print(f"bench/artifact: {error}", file=sys.stderr)
-        return 2
+    except (Refused, Taken) as error:
+        say(str(error))
+    except OSError as error:
+        say(f"{error.filename or 'input or output'}: {error.strerror}; mend it and start again to go on")
+    return 2
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The claims of README.md and bench/MEASURED.md: one place, nothing that drifts apart, judged and released by bench/."""
 
+import fcntl
 import json
 import os
 import re
@@ -214,6 +215,31 @@ class Judging(unittest.TestCase):
         self.assertIn("2 claims", done.stdout)
         self.assertEqual(self.calls.read_text().split(), [one, two, two])
 
+    def test_a_row_that_cannot_be_measured_costs_no_other(self):
+        lacking, row = "checker_speed", "wait_free_over_global_mutex"
+        answer = {"median": 2.2, "low": 2.1, "high": 2.3, "verdict": "pass"}
+        done = self.artifact("--only", f"{lacking},{row}", "--machine", "EPYC", **{row: answer})
+        self.assertEqual((done.returncode, done.stderr), (2, f"bench/artifact: {lacking}: targets: no such luck\n"))
+        self.assertIn("2.200 [2.100, 2.300]", done.stdout)
+        self.assertIn(": 1 not measured, 1 in; contradicted: none", done.stdout)
+        # That another is contradicted is what the status tells.
+        done = self.artifact("--only", f"{lacking},{row}", "--machine", "EPYC", "--out", self.folder / "other",
+                             **{row: {**answer, "verdict": "fail"}})
+        self.assertEqual(done.returncode, 1, done.stderr)
+        # Where nothing can be kept, none is measured in vain.
+        (self.folder / "full/artifact.new").mkdir(parents=True)
+        done = self.artifact("--only", f"{lacking},{row}", "--out", self.folder / "full", **{row: answer})
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+artifact.new: Is a directory[^\n]+\n\Z")
+        self.assertEqual(self.calls.read_text().split(), [lacking, row, lacking, row, lacking])
+
+    def test_a_row_that_broke_its_contract_has_no_figure(self):
+        row = "checker_speed"
+        broken = {"median": None, "low": None, "high": None, "samples": 3, "verdict": "fail", "why": "lost records"}
+        done = self.artifact("--only", row, "--machine", "EPYC", **{row: broken})
+        self.assertEqual((done.returncode, done.stderr), (1, ""))
+        self.assertRegex(done.stdout, rf"\n{row} .* out, but pass became fail: lost records\n")
+
     def test_rows_that_share_samples_are_measured_once(self):
         rows = [f"simulator_error_{what}" for what in ("throughput", "records", "waiting")]
         answer = {"median": 0.06, "low": 0.05, "high": 0.07, "verdict": "pass"}
@@ -282,6 +308,30 @@ class Judging(unittest.TestCase):
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+\n\Z")
             self.assertIn(says, done.stderr)
+
+    def test_what_cannot_be_read_or_written_is_one_line_and_contradicts_nothing(self):
+        row, out = "checker_speed", self.folder / "out"
+        answer = {"median": 12.5, "low": 12.5, "high": 12.6, "verdict": "pass"}
+        for name, text, says in (("artifact.json", "[]", "no measured claims"),
+                                 ("artifact.json", f'{{"{row}": {{}}}}', "no measured claims"),
+                                 ("artifact.new/x", "", "artifact.new: Is a directory; mend it")):
+            (out / name).parent.mkdir(parents=True)
+            (out / name).write_text(text)
+            done = self.artifact("--only", row, **{row: answer})
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertRegex(done.stderr, r"\Abench/artifact: [^\n]+\n\Z")
+            self.assertIn(says, done.stderr)
+            shutil.rmtree(out)
+
+    def test_one_run_at_a_time_measures_into_a_folder(self):
+        out = self.folder / "out"
+        out.mkdir()
+        with open(out / ".lock", "w", encoding="utf-8") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            done = self.artifact("--only", "checker_speed")
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, rf"\Abench/artifact: another run is writing to '{out}'[^\n]*--out\n\Z")
+        self.assertFalse(self.calls.exists())
 
 
 @unittest.skipUnless(shutil.which("git") and (kRoot / ".git").exists(), "not in a clone")

@@ -234,6 +234,14 @@ class Fields(Case):
         self.run_program("anatomy", "--scene", "white_furnace", "--records", 1000, "--repetitions", 1,
                          "--out", "a.json")
         self.check_results("a.json", PROGRAMS)
+        # However often a query comes by a record, it has read one; and all structures hold the same valid ones.
+        valid = {}
+        for row in (row for row in self.load("a.json")["benchmarks"] if "example" in row):
+            records = [json.dumps(record) for record in row["example"]["records"]]
+            self.assertEqual(len(set(records)), len(records), row["name"])
+            valid.setdefault(row["points"], []).append({r for r in records if json.loads(r)["valid"]})
+        for points in ("random", "coherent"):
+            self.assertEqual(valid[points], valid[points][:1] * 3, points)
 
     @unittest.skipUnless((Path(ICBENCH).parent / "targets").is_file(), "no targets beside icbench")
     def test_targets(self):

@@ -125,6 +125,28 @@ class MainJob(InFolder):
         self.assertTrue((self.out / "correctness.previous.json").exists())
         self.assertNotIn('id="correctness-promises"', (self.out / "report.html").read_text())
 
+    def test_rows_that_only_a_journal_has_are_kept_with_the_results_of_an_earlier_run(self):
+        self.program("icbench", "exit 1")  # the run ends at its first step
+        self.out.mkdir()
+        ends = (".json", ".json.partial", ".previous.json", ".previous.json.partial")
+        cases = []
+        for kind, there, kept in (
+                ("results", ("16 rows", "31 rows", "old", "old"), ("16 rows", "31 rows")),
+                ("preempt", ("complete", None, "old", "old"), ("complete", None)),
+                # An earlier run was killed between the two moves.
+                ("breakdown", (None, "31 rows", "16 rows", None), ("16 rows", "31 rows")),
+                # It was killed before its results were there.
+                ("anatomy", (None, "", "16 rows", "31 rows"), ("16 rows", "31 rows"))):
+            files = [self.out / f"{kind}{end}" for end in ends]
+            for file, text in zip(files, there):
+                if text is not None:
+                    file.write_text(text)
+            cases.append((kind, files, kept))
+        self.assertEqual(self.job().returncode, 1)
+        for kind, files, kept in cases:
+            self.assertFalse(files[0].exists(), kind)
+            self.assertEqual(tuple(file.read_text() if file.exists() else None for file in files[2:]), kept, kind)
+
     def test_a_broken_promise_hides_nothing_ends_with_status_1_and_is_kept_by_a_resumed_run(self):
         self.program("icstress", f'cp {self.verdicts(True)} "$OUT"; exit 1')
         plots = self.root / "plots"

@@ -121,6 +121,22 @@ class WholeRun(Case):
         self.assertEqual([failure["job"] for failure in self.tables()["failures"]], ["pictures"])
         self.assertIn("pictures", self.tables()["scenes"]["office"])
 
+    def test_pictures_that_a_killed_run_has_overwritten_are_made_again(self):
+        run = ("--scenes", "office", "--rounds", "1", "--resume")
+        self.assertEqual(self.start(*run).returncode, 0)
+        picture = self.out / "pictures" / "office" / "path.png"
+        made = picture.read_bytes()
+
+        def killed(_, path):
+            path.write_bytes(b"cut short")
+            os._exit(7)
+
+        with mock.patch("pictures.write_image", killed):
+            self.assertEqual(self.start(*run, "--vpls", "64").returncode, 7)
+        self.assertEqual(picture.read_bytes(), b"cut short")
+        self.assertEqual(self.start(*run).returncode, 0)
+        self.assertEqual(picture.read_bytes(), made)
+
     def test_times_of_another_machine_are_not_used(self):
         run = ("--scenes", "office", "--rounds", "1")
         self.assertEqual(self.start(*run).returncode, 0)

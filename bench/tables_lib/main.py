@@ -5,7 +5,6 @@ Status: 0 done, 1 a job failed, 2 bad usage or nothing can be written, 130 inter
 from __future__ import annotations
 
 import datetime
-import fcntl
 import hashlib
 import json
 import os
@@ -22,6 +21,7 @@ from pathlib import Path
 import options
 import pictures
 from claims import claims, targets
+from folder_lock import Taken, lock_folder
 from jobs import (JobFailed, Store, SpaceEnded, cpu_model, folder_of, identity_of_machine, identity_of_program,
                   sweep_scratch)
 from options import BadUsage, Settings
@@ -182,6 +182,7 @@ class Run:
         source = self._source_of_pictures(plan)
         if (earlier := self._pictures_made(folder, source)) is not None:
             return earlier
+        (folder / kMade).unlink(missing_ok=True)  # it does not vouch for what is overwritten from here on
         reference = pictures.read(self.store.place(plan.reference) / "picture.exr")
         exposure = pictures.exposure_of(reference)
         made = {"exposure": exposure}
@@ -287,26 +288,15 @@ def _is_complete(tables: Path) -> bool:
         return False
 
 
-def _locked(folder: Path, option: str) -> int:
-    """A lock on a folder for this process. Raises BadUsage if another has it, OSError."""
-    lock = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(lock)
-        raise BadUsage(f"another run is writing to '{folder}'; wait for it or choose another {option}") from None
-    return lock
-
-
 def _prepare(settings: Settings) -> list[int]:
-    """Makes the output folder and locks it for this process; returns the locks. Raises BadUsage."""
+    """Makes the output folder and locks it for this process; returns the locks. Raises BadUsage, Taken."""
     try:
         settings.out.mkdir(parents=True, exist_ok=True)
         settings.references.mkdir(parents=True, exist_ok=True)
-        locks = [_locked(settings.out, "--out")]
+        locks = [lock_folder(settings.out, "--out")]
         # Two runs would sweep away one another's references under way.
         if settings.references != settings.out:
-            locks.append(_locked(settings.references, "--references"))
+            locks.append(lock_folder(settings.references, "--references"))
     except OSError as error:
         raise BadUsage(f"--out: {error.filename}: {error.strerror}; choose another folder") from None
     finished = len(list((settings.out / "jobs").glob("*/*/job.json")))
@@ -351,7 +341,7 @@ def work(settings: Settings) -> int:
 def main() -> int:
     try:
         return work(options.parse(sys.argv[1:]))
-    except (BadUsage, JobFailed, SpaceEnded) as error:
+    except (BadUsage, JobFailed, SpaceEnded, Taken) as error:
         say(str(error))
     except KeyboardInterrupt:
         say("interrupted; go on with --resume")
