@@ -115,15 +115,17 @@ def throughput(setup: Setup) -> str:
 
 
 def errors(setup: Setup) -> str:
-    """The settings on the Pareto front of each scene at all cores."""
+    """The settings on the Pareto front of each scene, and of each placement, at all cores."""
     try:
         points = speed_error.points(setup)
     except Omitted as why:
         return f"<p>Left out: {text(why)}.</p>"
     threads = thread_marks(setup, points)[0]
     lines = []
-    for scene, part in points[points["threads"] == threads].groupby("scene"):
-        lines.append(f'<tr class="head"><td colspan="4">{text(scene.replace("_", " "))}</td></tr>')
+    several = points["placement"].nunique() > 1
+    for (scene, placement), part in points[points["threads"] == threads].groupby(["scene", "placement"]):
+        heading = scene.replace("_", " ") + (f", {placement}" if several else "")
+        lines.append(f'<tr class="head"><td colspan="4">{text(heading)}</td></tr>')
         for point in speed_error.front(part).to_dict("records"):
             seconds = interval(point["seconds"], point["seconds_low"], point["seconds_high"])
             relmse = interval(point["relmse"], point["relmse_low"], point["relmse_high"])

@@ -178,6 +178,24 @@ class Comparison(InFolder):
         self.assertEqual(one.alone, (8, 0))  # four caches that many threads may use, two workloads
         self.assertIn("8 cells were measured by the first run alone, 0 by", comparison_page.section(one, ""))
 
+    def test_placements_are_not_compared_with_one_another(self):
+        def placed(name, commit, *placements):
+            data = json.loads(self.file(name, commit=commit).read_text())
+            data["benchmarks"] = [row | {"placement": p} for p in placements for row in data["benchmarks"]]
+            return write_results(self.folder / f"{name}.json", data)
+
+        compact, scatter = placed("a", "a" * 40, "compact"), placed("b", "b" * 40, "scatter")
+        one, = comparison.comparisons(results.load([compact, scatter]))
+        self.assertTrue(one.cells.empty)
+        self.assertIn("cells were measured by the first run alone", comparison_page.section(one, ""))
+        # Nor is what both measured missed where one measured another as well.
+        both = placed("c", "c" * 40, "compact", "scatter")
+        one, = comparison.comparisons(results.load([compact, both]))
+        self.assertTrue(one.cells["panel"].str.endswith(", compact").all())
+        self.assertEqual(one.alone[0], 0)
+        alike = comparison.comparisons(results.load([compact, placed("d", "d" * 40, "compact")]))[0]
+        self.assertFalse(alike.cells["panel"].str.contains("compact").any())
+
     def test_the_page_names_the_largest_differences(self):
         page = comparison_page.section(self.compared(), "")
         self.assertIn("chance alone would make about", page)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 import subprocess
 import sys
 import unittest
@@ -25,7 +26,9 @@ import intervals
 import over_threads
 import results
 import speed_error
+import structure_mechanism
 import style
+import tables
 from figures import (ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES,
                      TIMELINE_FIGURES)
 
@@ -164,6 +167,26 @@ class Figures(InFolder):
             checked += 1
         self.assertGreater(checked, 20)
 
+    def test_structures_and_mechanisms_are_held_against_the_base_of_their_own_placement(self):
+        def over(caches, workloads) -> dict:
+            data = model_results(caches=caches, workloads=workloads, threads=(1, 8), errors=False)
+            for row in data["benchmarks"]:
+                row["items_per_second"] = 4e6 if "wait_free" in row["cache"] else 1e6
+            slow = [row | {"placement": "scatter", "items_per_second": 0.1 * row["items_per_second"],
+                           "real_time": 10 * row["real_time"]} for row in data["benchmarks"]]
+            return data | {"benchmarks": data["benchmarks"] + slow}
+
+        caches = model_caches(("ward", "packed"), ("global_mutex", "wait_free"), ())
+        setup, = results.load([write_results(self.folder / "results.json", over(caches, ("read_only",)))])
+        table = structure_mechanism.ratios(setup)
+        self.assertEqual(set(table["panel"]), {"read only, compact", "read only, scatter"})
+        for line in table.itertuples():
+            known = 4.0 if line.mechanism == "wait_free" else 1.0
+            self.assertAlmostEqual(line.median, known, 8, line)
+            self.assertEqual(line.n, 5)
+        self.assertEqual([panel.title for panel in structure_mechanism.build(setup).plates[0].panels],
+                         ["read only, compact", "read only, scatter"])
+
     def test_mechanisms_are_compared_on_one_structure_only(self):
         path = self.results(caches=model_caches())
         setup = results.load([path])[0]
@@ -271,6 +294,17 @@ class Machines(InFolder):
         self.assertIn("commit fedcba9876", setups[1].label)
         self.assertIn("governor powersave", setups[2].label)
 
+    def test_builds_that_differ_far_behind_have_names_of_their_own(self):
+        common = "-O3 -DNDEBUG -fno-math-errno -std=c++20 -march="
+        setups = results.load([self.results("a.json", compiler_flags=common + "native"),
+                               self.results("b.json", compiler_flags=common + "x86-64-v2")])
+        self.assertEqual([s.label for s in setups],
+                         ["model, compiler flags …native", "model, compiler flags …x86-64-v2"])
+        # Where one differs early, so that there is nothing to leave out, the other two are not cut.
+        setups = results.load([self.folder / "a.json", self.folder / "b.json",
+                               self.results("c.json", compiler_flags="-O2")])
+        self.assertEqual(len({s.label for s in setups}), 3)
+
     def test_a_run_may_be_allowed_less_than_the_machine_has(self):
         allowed = {"units": 2, "cores": 1, "packages": 1, "numa_nodes": 1}
         setup, = results.load([self.results(allowed=allowed)])
@@ -332,6 +366,21 @@ class Machines(InFolder):
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot, compact",
                                                     "mix 90/10, hot spot, scatter"})
+
+
+    def test_errors_of_placements_are_not_merged(self):
+        data = model_results(caches=few_caches(), workloads=(), threads=(1, 8))
+        one = results.load([write_results(self.folder / "a.json", data)])[0]
+        self.assertEqual(re.findall(r'colspan="4">([^<]*)<', tables.errors(one)), ["cornell box", "sibenik"])
+        # Slower everywhere: beside the other one nothing of it would be left.
+        data["benchmarks"] += [row | {"placement": "scatter", "seconds_indirect": 3 * row["seconds_indirect"]}
+                               for row in data["benchmarks"]]
+        both = results.load([write_results(self.folder / "b.json", data)])[0]
+        blocks = re.split(r'colspan="4">([^<]*)<', tables.errors(both))
+        self.assertEqual(blocks[1::2], ["cornell box, compact", "cornell box, scatter", "sibenik, compact",
+                                        "sibenik, scatter"])
+        lines = [block.count("<tr><td>") for block in blocks[2::2]]
+        self.assertEqual(lines[0::2], lines[1::2])
 
 
 class WrongInput(InFolder):
