@@ -203,6 +203,11 @@ class Comparison(InFolder):
         self.assertRegex(page, r"<td>packed_wait_free</td>.*?class=\"n good\">1\.[01]")
         self.assertIn("<td>commit</td>", page)
 
+    def test_relmse_is_named_as_it_is_everywhere(self):
+        cells = pd.DataFrame([{"verdict": "undecided", "low": 0.9, "n": 9}])
+        for some in (cells, cells.assign(n=2)):
+            self.assertRegex(comparison_page._sentence(some, "relmse"), r"^<p>(<b>)?relMSE")
+
     def test_the_figure_needs_two_runs(self):
         alone = run("run_differences.py", self.file("a"))
         self.assertEqual((alone.returncode, alone.stderr.count("\n")), (2, 1))

@@ -174,10 +174,19 @@ class Repeatability(InFolder):
     def test_the_page_says_how_far_and_beside_what(self):
         page = self.page(model_repeatability())
         self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by "
-                      "0.440 to 0.880 % of its mean, at most 22.0 % of its own error (global mutex).", page)
+                      "0.440 to 0.880 % (global mutex) of its mean, by at most 22.0 % (global mutex) of its own error.",
+                      page)
         self.assertIn("serves one thread", page)
         self.assertIn("0.0200 W/(m² sr) or 4.00 % of it", page)
         self.assertIn("the reference&#x27;s own, already taken off, is 0.00200", page)
+
+    def test_each_largest_share_is_that_of_its_own_cache(self):
+        data = model_repeatability()
+        for row in data["benchmarks"]:
+            if row["cache"] == "wait_free" and row["threads"] == 8:
+                row["rms_to_single_share_of_error"] = 0.9
+        self.assertIn("to 0.880 % (global mutex) of its mean, by at most 90.0 % (wait free) of its own error",
+                      self.page(data))
 
     def test_a_reference_that_errs_more_than_the_pictures_is_told(self):
         data = model_repeatability()

@@ -29,6 +29,8 @@ import speed_error
 import structure_mechanism
 import style
 import tables
+import thesis_frame_times
+import thesis_tables
 from figures import (ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES,
                      TIMELINE_FIGURES)
 
@@ -431,6 +433,40 @@ class WrongInput(InFolder):
             done = run_afresh(script, "--help")
             self.assertEqual((done.returncode, done.stderr), (0, ""), script)
             self.assertIn("usage: " + script, done.stdout)
+
+
+class Words(InFolder):
+    """What is said around numbers."""
+
+    def test_equal_counts_are_said_once(self):
+        line = {"panel": "read only", "cache": "wait_free", "peak_threads": 9.0, "peak_low": 8.0, "peak_high": 10.0}
+        line |= {name + end: 1.0 for name in ("gamma", "alpha", "beta") for end in ("", "_low", "_high")}
+        for counts, said in (((64, 64), "at most 64 threads"), ((32, 64), "at most 32 to 64 threads")):
+            laws = results.pd.DataFrame([line | {"largest_count": count} for count in counts])
+            self.assertIn(said, tables.scaling_laws(laws))
+
+    def test_names_with_a_capital_within_stay_as_they_are(self):
+        for words, begun in (("relMSE of irradiance", "relMSE of irradiance"), ("bytes a record", "Bytes a record"),
+                             ("the error relMSE", "The error relMSE"), ("", "")):
+            self.assertEqual(style.capital(words), begun)
+
+    def animated(self, frames: int) -> thesis_frame_times.Measured:
+        """A tables.json, as far as these tests need it."""
+        scene = {"title": "Box", "vpls": {"chosen": 64, "levelled_off": True}, "equal_error": None,
+                 "time": {"indirect_per_frame": {"tic": [4.0, *[1.0] * (frames - 1)]}}}
+        return thesis_frame_times.Measured("", "", self.folder, {
+            "settings": {"converged_vpls": 1024, "converged_frames": frames}, "methods": {}, "scenes": {"box": scene}})
+
+    def test_one_last_frame_has_no_number(self):
+        self.assertIn("1,024 VPLs on the last frame.", thesis_tables.equal_error(self.animated(1)).html())
+        self.assertIn("1,024 VPLs on the last 3 frames.", thesis_tables.equal_error(self.animated(3)).html())
+
+    def test_frames_are_whole_numbers(self):
+        plate, = thesis_frame_times.build(self.animated(3)).plates
+        for layout in (style.kReport, style.kColumn):
+            axes = style.matplotlib.figure.Figure((6, 2)).add_axes([0, 0, 1, 1])
+            plate.panels[0].draw(axes, layout)
+            self.assertTrue(all(float(tick).is_integer() for tick in axes.get_xticks()), axes.get_xticks())
 
 
 class Grids(unittest.TestCase):
