@@ -424,7 +424,7 @@ def load(paths) -> list[Setup]:
 
 
 def _name_panels(setups: list[Setup]) -> None:
-    """Names each panel by its workload, and its placement where all setups together have several: comparisons match it."""
+    """Names each panel by its workload, and its placement if all setups together have several: comparisons match it."""
     everything = [part for setup in setups for part in (setup.rows, setup.simulated)]
     several = len(set().union(*(part["placement"] for part in everything if len(part)))) > 1
     for rows in everything:
