@@ -5,6 +5,7 @@ A figure script defines one Figure and calls `main(FIGURE)`; figures.py lists th
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import sys
 import textwrap
@@ -24,6 +25,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
+from files import write_whole
 from results import InputError, load
 from style import Layout, kColumn, kReport
 
@@ -185,30 +187,49 @@ def write(figure: Figure, setup, folder: Path) -> Written:
     """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`. Raises
     Omitted where there is no plate.
 
-    Files that an earlier run left there under these names are removed first, also when the figure is Omitted.
+    Each file takes the place of an earlier one when it is whole. What an earlier run left there under other such names
+    is removed, and all of it when the figure is Omitted.
     """
-    for pattern in ("{}.csv", "{}.pdf", "{}.svg", "{}-*.svg"):
-        for stale in folder.glob(pattern.format(figure.name)):
-            stale.unlink()
-    built = figure.build(setup)
-    if not built.plates:
-        raise Omitted("nothing of it can be compared")
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        built = figure.build(setup)
+        if not built.plates:
+            raise Omitted("nothing of it can be compared")
+    except Omitted:
+        _remove(figure, folder, {})
+        raise
     csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"
-    built.table.to_csv(csv, index=False, float_format="%.10g")
+    made = {csv: built.table.to_csv(index=False, float_format="%.10g"), pdf: _pdf(figure, built.plates)}
     images = []
-    with matplotlib.rc_context(style.settings(kColumn)):
-        with PdfPages(pdf, metadata={"Title": figure.title, "CreationDate": None}) as pages:
-            for plate in built.plates:
-                for canvas in compose(plate, kColumn):
-                    pages.savefig(canvas)
     with matplotlib.rc_context(style.settings(kReport)):
         for plate in built.plates:
             path = folder / (f"{figure.name}.svg" if len(built.plates) == 1
                              else f"{figure.name}-{plate.slug}.svg")
-            compose(plate, kReport)[0].savefig(path, metadata={"Date": None})
+            drawing = io.BytesIO()
+            compose(plate, kReport)[0].savefig(drawing, format="svg", metadata={"Date": None})
+            made[path] = drawing.getvalue()
             images.append((plate.title, path))
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, content in made.items():
+        write_whole(path, content)
+    _remove(figure, folder, made)
     return Written(figure, images, pdf, csv, built.notes)
+
+
+def _pdf(figure: Figure, plates: list[Plate]) -> bytes:
+    made = io.BytesIO()
+    with matplotlib.rc_context(style.settings(kColumn)):
+        with PdfPages(made, metadata={"Title": figure.title, "CreationDate": None}) as pages:
+            for plate in plates:
+                for canvas in compose(plate, kColumn):
+                    pages.savefig(canvas)
+    return made.getvalue()
+
+
+def _remove(figure: Figure, folder: Path, kept) -> None:
+    """Files of an earlier run but for those `kept`."""
+    for pattern in ("{}.csv", "{}.pdf", "{}.svg", "{}-*.svg"):
+        for stale in set(folder.glob(pattern.format(figure.name))).difference(kept):
+            stale.unlink()
 
 
 class OneLineParser(argparse.ArgumentParser):

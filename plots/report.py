@@ -48,6 +48,7 @@ from figure import Omitted, Written, folder_of, parser, write
 from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, CHANGE_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES,
                      FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES,
                      TIMELINE_FIGURES, VERSION_FIGURES)
+from files import write_whole
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from intervals import summarise
@@ -399,8 +400,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body,
-                                        scripts=interactive.scripts()), encoding="utf-8")
+    write_whole(page, template.substitute(title=text(f"icbench: {label}"), body=body, scripts=interactive.scripts()))
     return page
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from plots_models import (kContext, kFewWorkloads, few_caches, model_anatomy, model_caches, model_preempt,
                           model_repeatability, model_results, model_simulated, model_timeline)
-from plots_support import InFolder, References, read_csv, run, write_results
+from plots_support import InFolder, References, no_file_above, read_csv, run, write_results
 
 import anatomy_page
 import anatomy_results
@@ -117,6 +117,16 @@ class Report(InFolder):
         for table in (self.folder / "out/figures").rglob("*.csv"):
             counts = {line.get("threads") for line in read_csv(table)}
             self.assertEqual("256" in counts, table.name == "simulated.csv", table)
+
+    def test_where_the_page_has_no_room_the_earlier_one_stays(self):
+        earlier = self.page(self.small("a.json"))
+        other = self.small("b.json", host_name="another")
+        with no_file_above(len(earlier.encode()) - 10_000):
+            done = run("report.py", other, "--out", self.folder / "out")
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"^report\.py: [^\n]*File too large: '[^\n]*/out/report\.html'\n$")
+        self.assertEqual((self.folder / "out/report.html").read_text(encoding="utf-8"), earlier)
+        self.assertEqual(list(self.folder.rglob(".*")), [])
 
     def test_incomplete_results_stand_out(self):
         self.assertIn('class="banner">Incomplete', self.page(self.small(complete=False)))

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import stats
 
 from plots_models import kFewWorkloads, kPlots, kRoot, few_caches, model_caches, model_results, model_simulated
-from plots_support import InFolder, read_csv, run, run_afresh, write_results
+from plots_support import InFolder, no_file_above, read_csv, run, run_afresh, write_results
 
 import contention_map
 import figure
@@ -293,6 +293,17 @@ class Figures(InFolder):
         self.assertRegex(done.stdout,
                          r"^speedup: left out for model: only one thread count was measured.*\n$")
         self.assertEqual(list(self.folder.glob("speedup*")), [], "files of the earlier run are stale")
+
+    def test_where_a_file_has_no_room_what_was_there_stays(self):
+        path = self.results()
+        self.good("speedup.py", path, "--out", self.folder)
+        before = {file.name: file.read_bytes() for file in self.folder.iterdir()}
+        self.assertGreater(min(len(content) for content in before.values()), 2000)
+        with no_file_above(2000):
+            done = run("speedup.py", path, "--out", self.folder)
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^speedup\.py: [^\n]*File too large: '[^\n]*/speedup\.csv'\n$")
+        self.assertEqual({file.name: file.read_bytes() for file in self.folder.iterdir()}, before)
 
     def test_nan_zero_and_absent_values_do_not_reach_a_median(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), repetitions=4,
