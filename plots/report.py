@@ -2,16 +2,20 @@
 """Builds report.html, one self-contained page, and all figures from results files of icbench."""
 from __future__ import annotations
 
+import ctypes
 import io
 import json
 import os
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from string import Template
@@ -65,6 +69,7 @@ kPreemption = "preempt*.json"
 kTimelines = "timeline*.json"
 kBreakdowns = "breakdown*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
+kParentDeathSignal = 1   # PR_SET_PDEATHSIG of prctl(2)
 kForkPays = 2.0          # seconds of drawing alone
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -200,6 +205,14 @@ def _draw_one(number: int) -> Written | Omitted:
         return why
 
 
+def _end_with(parent: int) -> None:
+    """Of a process that draws: it ends when `parent` does, whatever ended that, and not by itself when interrupted."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ctypes.CDLL(None).prctl(kParentDeathSignal, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
+
+
 def _outcomes(figures: list, setup, folder: Path) -> Iterator[Written | Omitted]:
     """What became of each of `figures`: drawn one after another, or, once that has taken long, side by side on the
     processors that there are. (A process that forks from this one first takes half a second.)
@@ -212,7 +225,8 @@ def _outcomes(figures: list, setup, folder: Path) -> Iterator[Written | Omitted]
         done += 1
     workers = min(len(figures) - done, len(os.sched_getaffinity(0)))
     sys.stdout.flush()  # or forks would say it again
-    with ProcessPoolExecutor(workers, get_context("fork")) if workers > 1 else nullcontext() as pool:
+    side_by_side = partial(ProcessPoolExecutor, workers, get_context("fork"), _end_with, (os.getpid(),))
+    with side_by_side() if workers > 1 else nullcontext() as pool:
         yield from (pool.map if pool else map)(_draw_one, range(done, len(figures)))
 
 
@@ -404,6 +418,12 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     return page
 
 
+def _interrupted(*_) -> None:
+    """Ends this process at once: those that draw, for which leaving in good order would wait, end with it."""
+    os.write(sys.stderr.fileno(), b"report.py: interrupted\n")
+    os._exit(130)
+
+
 def main() -> int:
     options = parser(__doc__)
     options.add_argument("--correctness", action="append", metavar="FILE", type=Path,
@@ -429,11 +449,17 @@ def main() -> int:
     timelines = arguments.timelines or _beside(arguments.results, kTimelines)
     breakdowns = arguments.breakdowns or _beside(arguments.results, kBreakdowns)
     out = arguments.out or arguments.results[0].parent
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, as in a shell's background
+        signal.signal(signal.SIGINT, _interrupted)
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
                     timelines, breakdowns, forgiving=not arguments.pareto))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
+        return 2
+    except BrokenProcessPool:
+        print("report.py: a process that draws was killed, perhaps for want of memory; with `taskset -c 0` in front "
+              "figures are drawn one after another", file=sys.stderr)
         return 2
     return 0
 
