@@ -139,7 +139,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
         height *= 1.35
     cell_height = title_height + height + point * 1.9
     handles = plate.handles(layout)
-    # A handle is 2.4 high letters long, its padding half of one; columns are 1.2 apart.
+    # In sizes of the font a handle is 2.4 long and 0.5 from its label, and columns are 1.2 apart.
     entry = max([text_width(h.get_label(), layout.font * 0.96) for h in handles], default=0) + point * 4.2
     legend_columns = max(1, min(len(handles), int(width / entry))) if handles else 1
     legend_height = math.ceil(len(handles) / legend_columns) * point * 1.45 + point * 0.6 if handles else 0.0

@@ -420,7 +420,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
 
 def _interrupted(*_) -> None:
     """Ends this process at once: those that draw, for which leaving in good order would wait, end with it."""
-    os.write(sys.stderr.fileno(), b"report.py: interrupted\n")
+    os.write(2, b"report.py: interrupted\n")
     os._exit(130)
 
 

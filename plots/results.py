@@ -430,7 +430,9 @@ def _name_panels(setups: list[Setup]) -> None:
     for rows in everything:
         if len(rows):
             names = {w: workload_label(w) for w in rows["workload"].unique()}
-            rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
+            rows["panel"] = rows["workload"].map(names)
+            if several:
+                rows["panel"] += rows["placement"].map(lambda placement: f", {placement}" if placement else "")
 
 
 def _shortened(context: dict, alike: list[dict], key: str) -> str:

@@ -441,6 +441,11 @@ class Machines(InFolder):
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot, compact",
                                                     "mix 90/10, hot spot, scatter"})
+        data["context"]["placement"] = ""
+        for row in data["benchmarks"]:
+            row["placement"] = row["placement"].replace("compact", "")
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot", "mix 90/10, hot spot, scatter"})
 
 
     def test_errors_of_placements_are_not_merged(self):
