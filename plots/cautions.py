@@ -88,5 +88,5 @@ def cautions(setup: Setup) -> list[Caution]:
                           for r in noisy.head(3).itertuples())
         made.append(Caution(False, f"Noisy: {len(noisy)} of {len(table)} cells scatter by more than 10 % "
                                    f"(interquartile range over median of the time). Worst: {worst}."))
-    made += [Caution(False, text[0].upper() + text[1:] + ".") for text in setup.remarks]
+    made += [Caution(False, style.capital(text) + ".") for text in setup.remarks]
     return sorted(made, key=lambda w: not w.grave)

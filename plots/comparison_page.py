@@ -33,12 +33,11 @@ def _sentence(cells: pd.DataFrame, value: str) -> str:
     """How many cells differ, and how many would by chance."""
     counts = cells["verdict"].value_counts()
     judged = int((cells["low"].notna() & (cells["n"] >= kFewRepetitions)).sum())
+    name = text(style.capital(metric_words(value)))
     if not judged:
-        return (f"<p>{text(metric_words(value).capitalize())}: fewer than {kFewRepetitions} repetitions, too few for a "
-                "verdict.</p>")
+        return f"<p>{name}: fewer than {kFewRepetitions} repetitions, too few for a verdict.</p>"
     better, worse = int(counts.get("better", 0)), int(counts.get("worse", 0))
     chance = (1 - kConfidence) * judged
-    name = text(metric_words(value).capitalize())
     return (f"<p><b>{name}</b>: of {style.plural(judged, 'cell')}, {better} better and {worse} worse with the whole "
             f"interval; chance alone would make about {style.number(chance, 2)} at most.</p>")
 

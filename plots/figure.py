@@ -5,9 +5,11 @@ A figure script defines one Figure and calls `main(FIGURE)`; figures.py lists th
 from __future__ import annotations
 
 import argparse
+import io
 import math
 import sys
 import textwrap
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Callable
@@ -20,7 +22,10 @@ import pandas as pd
 from fontTools import subset
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure as Canvas
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 
+from files import write_whole
 from results import InputError, load
 from style import Layout, kColumn, kReport
 
@@ -28,6 +33,10 @@ from style import Layout, kColumn, kReport
 # Of a font a PDF embeds outlines and widths. Tables that only lay text out, or scripts of mathematics, are left out
 # before they are read: that took half the time of a PDF.
 subset.Options._drop_tables_default = [*subset.Options._drop_tables_default, "GDEF", "GPOS", "GSUB", "MATH"]
+
+
+# Sizes of texts, in those of the page's font.
+kHeading, kSubtitle, kFootnote = 1.06, 0.86, 0.9
 
 
 class Omitted(Exception):
@@ -80,8 +89,35 @@ class Written:
     notes: list[str]
 
 
-def _two_lines(words: str, wide: int) -> list[str]:
-    return textwrap.wrap(words, wide, max_lines=2, placeholder=" …")
+def text_width(words: str, size: float, weight: str = "normal") -> float:
+    """Inches that a line takes at `size` points."""
+    font = FontProperties(size=size, weight=weight)
+    return text_to_path.get_text_width_height_descent(words, font, ismath=False)[0] / 72
+
+
+def wrapped(words: str, inches: float, size: float, weight: str = "normal", most: int | None = None) -> list[str]:
+    """The lines of a text, none wider than it may be; of more than `most` the last that is left ends in "…"."""
+    def fits(line: str) -> bool:
+        return text_width(line, size, weight) <= inches
+
+    lines, line = [], ""
+    for word in words.split():
+        longer = f"{line} {word}".lstrip()
+        if fits(longer):
+            line = longer
+            continue
+        lines += [line] * bool(line)
+        while not fits(word) and len(word) > 1:
+            cut = max(1, bisect_left(range(1, len(word)), True, key=lambda n: not fits(word[:n])))
+            lines, word = [*lines, word[:cut]], word[cut:]
+        line = word
+    lines += [line] * bool(line)
+    if most and len(lines) > most:
+        last = lines[most - 1]
+        while last and not fits(last + " …"):
+            last = last.rpartition(" ")[0] or last[:-1]
+        lines = [*lines[:most - 1], f"{last} …".lstrip()]
+    return lines
 
 
 def compose(plate: Plate, layout: Layout) -> list[Canvas]:
@@ -93,9 +129,9 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     cell_width = (layout.width - outer_left - right) / (columns if layout.small else plate.columns[which])
     width = layout.width if layout.small else max(outer_left + right + columns * cell_width, 4.6)
     cell_width = (width - outer_left - right) / columns
-    wrap = max(12, int((cell_width - plate.left[which]) / (point * 0.49)))
-    titles = [_two_lines(p.title, wrap) or [""] for p in plate.panels]
-    subtitles = [_two_lines(p.subtitle, int(wrap * 1.15)) for p in plate.panels]
+    room = cell_width - plate.left[which] - point * 0.1
+    titles = [wrapped(p.title, room, layout.font, most=2) or [""] for p in plate.panels]
+    subtitles = [wrapped(p.subtitle, room, layout.font * kSubtitle, most=2) for p in plate.panels]
     under = point * 1.12 * max(len(s) for s in subtitles)
     title_height = point * (0.9 + 1.2 * max(len(t) for t in titles)) + under
     height = plate.heights[which]
@@ -103,12 +139,13 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
         height *= 1.35
     cell_height = title_height + height + point * 1.9
     handles = plate.handles(layout)
-    # Characters are about half as wide as high; a handle takes three characters and its padding.
-    entry = max([len(h.get_label()) for h in handles], default=0) * point * 0.52 + point * 4.2
+    # In sizes of the font a handle is 2.4 long and 0.5 from its label, and columns are 1.2 apart.
+    entry = max([text_width(h.get_label(), layout.font * 0.96) for h in handles], default=0) + point * 4.2
     legend_columns = max(1, min(len(handles), int(width / entry))) if handles else 1
     legend_height = math.ceil(len(handles) / legend_columns) * point * 1.45 + point * 0.6 if handles else 0.0
-    foot = textwrap.wrap(plate.footnote, max(20, int(width / (point * 0.46)))) if plate.footnote else []
-    heading = textwrap.wrap(plate.title, max(20, int(width / (point * 0.58))))
+    room = width - outer_left * 0.4 - point * 0.4
+    foot = wrapped(plate.footnote, room, layout.font * kFootnote)
+    heading = wrapped(plate.title, room, layout.font * kHeading, "bold")
     top, bottom = point * (0.6 + 1.3 * len(heading)), point * 1.8 + legend_height + len(foot) * point * 1.25
     fit = len(plate.panels)  # rows a page holds
     if math.isfinite(layout.max_height):
@@ -120,7 +157,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
         total = top + rows * cell_height + bottom
         canvas = Canvas(figsize=(width, total))
         canvas.text(outer_left * 0.4 / width, 1 - point * 0.4 / total, "\n".join(heading), va="top", fontweight="bold",
-                    fontsize=layout.font * 1.06, linespacing=1.15)
+                    fontsize=layout.font * kHeading, linespacing=1.15)
         for index, (panel, title, subtitle) in enumerate(chosen):
             row, column = divmod(index, columns)
             x = outer_left + column * cell_width + plate.left[which]
@@ -130,8 +167,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
             panel.draw(axes, layout)
             axes.set_title("\n".join(title), linespacing=1.1, pad=(under + point * 0.45) * 72)
             axes.text(0, 1 + point * 0.35 / height, "\n".join(subtitle), transform=axes.transAxes,
-                      va="bottom",
-                      fontsize=layout.font * 0.86, color="#666666", linespacing=1.15)
+                      va="bottom", fontsize=layout.font * kSubtitle, color="#666666", linespacing=1.15)
         middle = (total - top - rows * cell_height + total - top) / 2 / total
         canvas.text(point * 0.35 / width, middle, plate.y_label, rotation=90, va="center", ha="left")
         canvas.text((outer_left + plate.left[which] + width - right) / 2 / width,
@@ -142,7 +178,7 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
                           handletextpad=0.5, borderaxespad=0.2, labelspacing=0.4)
         if foot:
             canvas.text(outer_left * 0.4 / width, point * 0.2 / total, "\n".join(foot), va="bottom",
-                        fontsize=layout.font * 0.9, color="#555555", linespacing=1.2)
+                        fontsize=layout.font * kFootnote, color="#555555", linespacing=1.2)
         pages.append(canvas)
     return pages
 
@@ -151,30 +187,49 @@ def write(figure: Figure, setup, folder: Path) -> Written:
     """Writes NAME.pdf (a page a plate, long plates on several), NAME.csv and NAME[-PLATE].svg to `folder`. Raises
     Omitted where there is no plate.
 
-    Files that an earlier run left there under these names are removed first, also when the figure is Omitted.
+    Each file takes the place of an earlier one when it is whole. What an earlier run left there under other such names
+    is removed, and all of it when the figure is Omitted.
     """
-    for pattern in ("{}.csv", "{}.pdf", "{}.svg", "{}-*.svg"):
-        for stale in folder.glob(pattern.format(figure.name)):
-            stale.unlink()
-    built = figure.build(setup)
-    if not built.plates:
-        raise Omitted("nothing of it can be compared")
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        built = figure.build(setup)
+        if not built.plates:
+            raise Omitted("nothing of it can be compared")
+    except Omitted:
+        _remove(figure, folder, {})
+        raise
     csv, pdf = folder / f"{figure.name}.csv", folder / f"{figure.name}.pdf"
-    built.table.to_csv(csv, index=False, float_format="%.10g")
+    made = {csv: built.table.to_csv(index=False, float_format="%.10g"), pdf: _pdf(figure, built.plates)}
     images = []
-    with matplotlib.rc_context(style.settings(kColumn)):
-        with PdfPages(pdf, metadata={"Title": figure.title, "CreationDate": None}) as pages:
-            for plate in built.plates:
-                for canvas in compose(plate, kColumn):
-                    pages.savefig(canvas)
     with matplotlib.rc_context(style.settings(kReport)):
         for plate in built.plates:
             path = folder / (f"{figure.name}.svg" if len(built.plates) == 1
                              else f"{figure.name}-{plate.slug}.svg")
-            compose(plate, kReport)[0].savefig(path, metadata={"Date": None})
+            drawing = io.BytesIO()
+            compose(plate, kReport)[0].savefig(drawing, format="svg", metadata={"Date": None})
+            made[path] = drawing.getvalue()
             images.append((plate.title, path))
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, content in made.items():
+        write_whole(path, content)
+    _remove(figure, folder, made)
     return Written(figure, images, pdf, csv, built.notes)
+
+
+def _pdf(figure: Figure, plates: list[Plate]) -> bytes:
+    made = io.BytesIO()
+    with matplotlib.rc_context(style.settings(kColumn)):
+        with PdfPages(made, metadata={"Title": figure.title, "CreationDate": None}) as pages:
+            for plate in plates:
+                for canvas in compose(plate, kColumn):
+                    pages.savefig(canvas)
+    return made.getvalue()
+
+
+def _remove(figure: Figure, folder: Path, kept) -> None:
+    """Files of an earlier run but for those `kept`."""
+    for pattern in ("{}.csv", "{}.pdf", "{}.svg", "{}-*.svg"):
+        for stale in set(folder.glob(pattern.format(figure.name))).difference(kept):
+            stale.unlink()
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -61,7 +61,8 @@ def choices(part: pd.DataFrame) -> str:
         for error in others:
             least = best_within(part, budget, error)
             unit = " %" if error.startswith("hdrvdp") else ""
-            cells.append(f'<td>{_named(least, style.number(least[error]) + unit)}</td>')
+            shown = "–" if least is None else _named(least, style.number(least[error]) + unit)
+            cells.append(f"<td>{shown}</td>")
         lines.append(f"<tr>{''.join(cells)}</tr>")
     return table(head, lines, "wide")
 

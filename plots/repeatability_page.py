@@ -20,23 +20,27 @@ kShown = {"rms_to_single": "from one thread's", "rms_to_last_run": "run to run",
           "rms_to_fewer_threads": "from fewer threads'"}
 
 
+def _most(part: pd.DataFrame, kind: str) -> str:
+    """The largest share, and whose it is."""
+    line = part.loc[part[kind].idxmax()]
+    return f"{style.number(100 * line[kind])} % ({line['cache'].replace('_', ' ')})"
+
+
 def sentence(name: str, part: pd.DataFrame) -> str:
-    """The largest difference at the largest number of threads, in words."""
+    """The largest differences at the largest number of threads, in words."""
     shared = part[part["threads"] > 1]
     if shared.empty:
-        return f"<p><b>{text(name[0].upper() + name[1:])}: measured with one thread only.</b></p>"
+        return f"<p><b>{text(style.capital(name))}: measured with one thread only.</b></p>"
     threads = shared["threads"].max()
     most = shared[(shared["threads"] == threads) & (shared["rms_to_single"] > 0)]
     if most.empty:
-        return (f"<p><b>{text(name[0].upper() + name[1:])}: with {style.threads_text(threads)} no picture differs from "
+        return (f"<p><b>{text(style.capital(name))}: with {style.threads_text(threads)} no picture differs from "
                 "that of one thread.</b></p>")
     shares = most["rms_to_single_share_of_mean"]
-    line = most.loc[shares.idxmax()]
-    said = (f"{name[0].upper() + name[1:]}: with {style.threads_text(threads)} a picture differs from that of one "
-            f"thread by {style.number(100 * shares.min())} to {style.number(100 * shares.max())} % of its mean")
-    if line.get("rms_to_single_share_of_error", 0) > 0:
-        said += (f", at most {style.number(100 * line['rms_to_single_share_of_error'])} % of its own error "
-                 f"({line['cache'].replace('_', ' ')})")
+    said = (f"{style.capital(name)}: with {style.threads_text(threads)} a picture differs from that of one thread by "
+            f"{style.number(100 * shares.min())} to {_most(most, 'rms_to_single_share_of_mean')} of its mean")
+    if most.get("rms_to_single_share_of_error", pd.Series(dtype=float)).max() > 0:
+        said += f", by at most {_most(most, 'rms_to_single_share_of_error')} of its own error"
     return f"<p><b>{text(said)}.</b></p>"
 
 

@@ -2,16 +2,20 @@
 """Builds report.html, one self-contained page, and all figures from results files of icbench."""
 from __future__ import annotations
 
+import ctypes
 import io
 import json
 import os
 import shlex
+import signal
 import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from string import Template
@@ -48,6 +52,7 @@ from figure import Omitted, Written, folder_of, parser, write
 from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, CHANGE_FIGURES, COMPARISON_FIGURES, CORRECTNESS_FIGURES,
                      FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES, SIMULATED_FIGURES,
                      TIMELINE_FIGURES, VERSION_FIGURES)
+from files import write_whole
 from findings import Finding, findings
 from inline import data_uri, drawing, image
 from intervals import summarise
@@ -64,6 +69,7 @@ kPreemption = "preempt*.json"
 kTimelines = "timeline*.json"
 kBreakdowns = "breakdown*.json"
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
+kParentDeathSignal = 1   # PR_SET_PDEATHSIG of prctl(2)
 kForkPays = 2.0          # seconds of drawing alone
 kLongestValue = 600      # characters of an environment value that are shown
 kIntroduction = """<h1>Shared irradiance caches, measured</h1>
@@ -199,6 +205,14 @@ def _draw_one(number: int) -> Written | Omitted:
         return why
 
 
+def _end_with(parent: int) -> None:
+    """Of a process that draws: it ends when `parent` does, whatever ended that, and not by itself when interrupted."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ctypes.CDLL(None).prctl(kParentDeathSignal, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before
+        os._exit(1)
+
+
 def _outcomes(figures: list, setup, folder: Path) -> Iterator[Written | Omitted]:
     """What became of each of `figures`: drawn one after another, or, once that has taken long, side by side on the
     processors that there are. (A process that forks from this one first takes half a second.)
@@ -211,7 +225,8 @@ def _outcomes(figures: list, setup, folder: Path) -> Iterator[Written | Omitted]
         done += 1
     workers = min(len(figures) - done, len(os.sched_getaffinity(0)))
     sys.stdout.flush()  # or forks would say it again
-    with ProcessPoolExecutor(workers, get_context("fork")) if workers > 1 else nullcontext() as pool:
+    side_by_side = partial(ProcessPoolExecutor, workers, get_context("fork"), _end_with, (os.getpid(),))
+    with side_by_side() if workers > 1 else nullcontext() as pool:
         yield from (pool.map if pool else map)(_draw_one, range(done, len(figures)))
 
 
@@ -399,9 +414,14 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     body += _correctness(checked, out)
     page = out / "report.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(template.substitute(title=text(f"icbench: {label}"), body=body,
-                                        scripts=interactive.scripts()), encoding="utf-8")
+    write_whole(page, template.substitute(title=text(f"icbench: {label}"), body=body, scripts=interactive.scripts()))
     return page
+
+
+def _interrupted(*_) -> None:
+    """Ends this process at once: those that draw, for which leaving in good order would wait, end with it."""
+    os.write(2, b"report.py: interrupted\n")
+    os._exit(130)
 
 
 def main() -> int:
@@ -429,11 +449,17 @@ def main() -> int:
     timelines = arguments.timelines or _beside(arguments.results, kTimelines)
     breakdowns = arguments.breakdowns or _beside(arguments.results, kBreakdowns)
     out = arguments.out or arguments.results[0].parent
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, as in a shell's background
+        signal.signal(signal.SIGINT, _interrupted)
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
                     timelines, breakdowns, forgiving=not arguments.pareto))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
+        return 2
+    except BrokenProcessPool:
+        print("report.py: a process that draws was killed, perhaps for want of memory; with `taskset -c 0` in front "
+              "figures are drawn one after another", file=sys.stderr)
         return 2
     return 0
 

@@ -27,6 +27,9 @@ kCommands = (None, "sweep", "trace replay", "simulate")
 kFreeKeys = {"date", "load_avg", "command_line", "seed", "complete", "executable", "pin_map", "mhz_per_cpu",
              "configuration", "configuration_hash", "resumed", "merged"}
 
+kLongBeginning = 20  # characters, more than which values that differ are shown without what they begin with in common
+kLongestDetail = 40  # characters shown of a value that differs, if they tell it from the others
+
 kSecondsPerUnit = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0}
 kTextColumns = ("name", "cache", "workload", "workload_kind", "structure", "mechanism", "consistency",
                 "placement", "scene", "integrator", "order", "time_unit", "run_type", "error_message",
@@ -390,10 +393,7 @@ def load(paths) -> list[Setup]:
         if again.any():
             setup.remarks.append(f"{again.sum()} rows occur twice in the files and count once")
             rows = rows[~again].reset_index(drop=True)
-        several = rows["placement"].nunique() > 1
-        names = {w: workload_label(w) for w in rows["workload"].unique()}
         rows["items_per_second"] = useful_rate(rows)
-        rows["panel"] = rows["workload"].map(names) + (", " + rows["placement"] if several else "")
         setup.rows, setup.simulated = (part.reset_index(drop=True) for part in
                                        (rows[~rows["simulated"]], rows[rows["simulated"]]))
         if setup.rows.empty:
@@ -419,7 +419,29 @@ def load(paths) -> list[Setup]:
                                      f"{', '.join(path.name for path in setup.paths)} come from a machine or build of "
                                      "which nothing measured is here, and are left out")
     _label(setups)
+    _name_panels(setups)
     return setups
+
+
+def _name_panels(setups: list[Setup]) -> None:
+    """Names each panel by its workload, and its placement if all setups together have several: comparisons match it."""
+    everything = [part for setup in setups for part in (setup.rows, setup.simulated)]
+    several = len(set().union(*(part["placement"] for part in everything if len(part)))) > 1
+    for rows in everything:
+        if len(rows):
+            names = {w: workload_label(w) for w in rows["workload"].unique()}
+            rows["panel"] = rows["workload"].map(names)
+            if several:
+                rows["panel"] += rows["placement"].map(lambda placement: f", {placement}" if placement else "")
+
+
+def _shortened(context: dict, alike: list[dict], key: str) -> str:
+    """A value of the identity, without a long beginning that all have, and cut where what is left tells them apart."""
+    values = {str(one.get(key, "unknown")) for one in alike}
+    common = len(os.path.commonprefix(list(values)))
+    shown = {value: (value if common <= kLongBeginning else "…" + value[common:]) for value in values}
+    told_apart = len({short[:kLongestDetail] for short in shown.values()}) == len(values)
+    return shown[str(context.get(key, "unknown"))][:kLongestDetail if told_apart else None]
 
 
 def _label(setups: list[Setup]) -> None:
@@ -430,8 +452,7 @@ def _label(setups: list[Setup]) -> None:
     for setup in setups:
         alike = [other.context for other in setups if name(other) == name(setup)]
         differing = [k for k in kIdentityKeys if len({_identity(c, [k]) for c in alike}) > 1]
-        details = [f"{key.replace('_', ' ')} {str(setup.context.get(key, 'unknown'))[:40]}"
-                   for key in differing]
+        details = [f"{key.replace('_', ' ')} {_shortened(setup.context, alike, key)}" for key in differing]
         setup.label = ", ".join([name(setup), *details])
     taken: set[str] = set()
     for setup in setups:

@@ -13,7 +13,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from intervals import paired, summarise
 from over_threads import cache_rows
-from results import Setup, is_lock, is_wait_free, workload_label
+from results import Setup, is_lock, is_wait_free
 
 kColours = LinearSegmentedColormap.from_list("slower to faster", ["#F2B183", "#FAFAFA", "#7DB7DF", "#00568A"])
 kBase = "global_mutex"  # on the structure that is alphabetically last of those that have it: Ward's
@@ -44,7 +44,7 @@ def _threads(part: pd.DataFrame) -> list[int]:
 
 
 def ratios(setup: Setup) -> pd.DataFrame:
-    """One line per workload, threads and cache: throughput over that of the base in the same repetition."""
+    """One line per workload, placement, threads and cache: throughput over that of the base in the same repetition."""
     rows = cache_rows(setup)
     rows = rows[rows["items_per_second"] > 0]
     structures = sorted(rows.loc[rows["mechanism"] == kBase, "structure"].unique())
@@ -54,12 +54,11 @@ def ratios(setup: Setup) -> pd.DataFrame:
     shared = rows[rows["structure"].isin(structures) & (rows["mechanism"] != "none")]
     made = []
     for workload in _workloads(base):
-        part = shared[shared["workload"] == workload]
-        for threads in _threads(part):
-            mine = part[part["threads"] == threads]
-            pairs = paired(mine, base[(base["workload"] == workload) & (base["threads"] == threads)],
-                           ["workload", "threads"], "items_per_second")
-            made.append(summarise(pairs, ["workload", "threads", "structure", "mechanism"], "ratio"))
+        for panel, part in shared[shared["workload"] == workload].groupby("panel"):
+            for threads in _threads(part):
+                pairs = paired(part[part["threads"] == threads], base[base["panel"] == panel], ["panel", "threads"],
+                               "items_per_second")
+                made.append(summarise(pairs, ["workload", "panel", "threads", "structure", "mechanism"], "ratio"))
     table = pd.concat(made, ignore_index=True) if made else pd.DataFrame()
     if table.empty:
         raise Omitted("none of its workloads was measured")
@@ -93,9 +92,8 @@ def build(setup: Setup) -> Built:
         m for m in order if is_wait_free(m)]
     span = max(1.2, float(table["median"].max()))  # not of the slowest: a convoy would bleach all others
     panels = []
-    for (workload, threads), part in table.groupby(["workload", "threads"], sort=False):
-        panels.append(Panel(workload_label(workload),
-                            partial(_draw, part=part, structures=structures, mechanisms=mechanisms, span=span),
+    for (title, threads), part in table.groupby(["panel", "threads"], sort=False):
+        panels.append(Panel(title, partial(_draw, part=part, structures=structures, mechanisms=mechanisms, span=span),
                             style.threads_text(threads)))
     height = 0.24 * len(mechanisms)
     foot = (f"1 is {table['base'].iloc[0]} in the same panel. Down a column the mechanism changes, along a line the "

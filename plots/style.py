@@ -200,6 +200,12 @@ def plural(count: int, word: str) -> str:
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
+def capital(words: str) -> str:
+    """With a capital at the beginning, but for a first word that has one within it, such as relMSE."""
+    first, *_ = words.split(" ")
+    return words if first[1:] != first[1:].lower() else words[:1].upper() + words[1:]
+
+
 def threads_text(threads: int) -> str:
     return plural(threads, "thread")
 

@@ -34,7 +34,7 @@ def table(head: str, rows: list[str], kind: str = "") -> str:
 
 
 def note_line(note: str) -> str:
-    return f'<p class="note">{text(note[0].upper() + note[1:])}.</p>' if note else ""
+    return f'<p class="note">{text(style.capital(note))}.</p>' if note else ""
 
 
 def best_mechanisms(setup: Setup) -> str:
@@ -115,15 +115,17 @@ def throughput(setup: Setup) -> str:
 
 
 def errors(setup: Setup) -> str:
-    """The settings on the Pareto front of each scene at all cores."""
+    """The settings on the Pareto front of each scene, and of each placement, at all cores."""
     try:
         points = speed_error.points(setup)
     except Omitted as why:
         return f"<p>Left out: {text(why)}.</p>"
     threads = thread_marks(setup, points)[0]
     lines = []
-    for scene, part in points[points["threads"] == threads].groupby("scene"):
-        lines.append(f'<tr class="head"><td colspan="4">{text(scene.replace("_", " "))}</td></tr>')
+    several = points["placement"].nunique() > 1
+    for (scene, placement), part in points[points["threads"] == threads].groupby(["scene", "placement"]):
+        heading = scene.replace("_", " ") + (f", {placement}" if several else "")
+        lines.append(f'<tr class="head"><td colspan="4">{text(heading)}</td></tr>')
         for point in speed_error.front(part).to_dict("records"):
             seconds = interval(point["seconds"], point["seconds_low"], point["seconds_high"])
             relmse = interval(point["relmse"], point["relmse_low"], point["relmse_high"])
@@ -150,7 +152,7 @@ def scaling_laws(laws: pd.DataFrame | None) -> str:
                      for n, scale in (("gamma", 1e-6), ("alpha", 1), ("beta", 1))]
             cells.append(_peak(line))
             lines.append(f"<tr><td>{text(cache)}</td>{''.join(f'<td class=n>{c}</td>' for c in cells)}</tr>")
-    last = f"{laws['largest_count'].min():g} to {laws['largest_count'].max():g}"
+    last = " to ".join(f"{count:g}" for count in sorted({laws["largest_count"].min(), laws["largest_count"].max()}))
     return ("<h3>Scaling laws</h3><details><summary>Parameters of the fitted laws</summary>"
             f'<p class="note">Fitted to at most {last} threads without oversubscription; a peak past them, *, is an '
             f"extrapolation. ∞: the fitted law never falls.</p>{table(head, lines)}</details>")

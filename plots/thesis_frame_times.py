@@ -6,6 +6,7 @@ from functools import partial
 import style  # first: it checks what is installed
 
 import pandas as pd
+from matplotlib.ticker import MaxNLocator
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from thesis_results import kFiles, Measured, load, method_handles, method_line
@@ -16,9 +17,8 @@ kShown = ("igi", "interleaved", "ic", "tic", "cells")
 def _draw(measured: Measured, part: pd.DataFrame, axes, layout) -> None:
     for method, line in part.groupby("method", sort=False):
         options = method_line(measured, method, layout) | {"markersize": layout.marker * 0.8}
-        axes.plot(line["frame"] + 1, line["seconds_indirect"], markevery=max(1,
-                                                                             len(line) // 8), zorder=3,
-                  **options)
+        axes.plot(line["frame"] + 1, line["seconds_indirect"], markevery=max(1, len(line) // 8), zorder=3, **options)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     style.log_axis(axes.yaxis, part["seconds_indirect"])
 
 

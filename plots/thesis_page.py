@@ -14,6 +14,7 @@ from PIL import Image
 
 import thesis_tables
 from figure import Omitted, OneLineParser, Written, write
+from files import write_whole
 from figures import THESIS_FIGURES
 from grid import Grid, markdown_text
 from inline import data_uri, drawing, image
@@ -279,12 +280,11 @@ def build(path: Path, out: Path, command: str) -> Path:
     """
     measured = load([path])[0]
     out.mkdir(parents=True, exist_ok=True)
-    (out / "tables.md").write_text(_markdown(measured), encoding="utf-8")
+    write_whole(out / "tables.md", _markdown(measured))
     page = out / "tables.html"
     template = Template(kTemplate.read_text(encoding="utf-8"))
-    page.write_text(
-        template.substitute(title=text("icbench: the thesis's tables"), body=_html(measured, out, command), scripts=""),
-        encoding="utf-8")
+    write_whole(page, template.substitute(title=text("icbench: the thesis's tables"),
+                                          body=_html(measured, out, command), scripts=""))
     return page
 
 

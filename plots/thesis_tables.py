@@ -55,6 +55,10 @@ def _vpls(scene: dict) -> Cell:
                 "" if vpls["levelled_off"] else "not levelled off")
 
 
+def _last_frames(count: int) -> str:
+    return "the last frame" if count == 1 else f"the last {count:,} frames"
+
+
 def vpl_numbers(measured: Measured) -> Grid:
     grid = Grid(
         "vpls", "Number of virtual point lights per scene",
@@ -217,8 +221,8 @@ def equal_error(measured: Measured) -> Grid:
     s = measured.data["settings"]
     grid = Grid(
         "equal_error", "Speed-up at equal error",
-        f"TIC as in the tables, against IGI with {s['converged_vpls']:,} VPLs on the last "
-        f"{style.plural(s['converged_frames'], 'frame')}. A rival's seconds for TIC's error are "
+        f"TIC as in the tables, against IGI with {s['converged_vpls']:,} VPLs on "
+        f"{_last_frames(s['converged_frames'])}. A rival's seconds for TIC's error are "
         "interpolated between its settings (logarithm of time over logarithm of error, along those that no "
         "other beats in both); ≤ and ≥ mark bounds, in some of the frames at least: that error lies outside what "
         "was measured, and nothing is extrapolated; ≈ has bounds of both kinds. Ratios of steady frames, without "

@@ -178,12 +178,35 @@ class Comparison(InFolder):
         self.assertEqual(one.alone, (8, 0))  # four caches that many threads may use, two workloads
         self.assertIn("8 cells were measured by the first run alone, 0 by", comparison_page.section(one, ""))
 
+    def test_placements_are_not_compared_with_one_another(self):
+        def placed(name, commit, *placements):
+            data = json.loads(self.file(name, commit=commit).read_text())
+            data["benchmarks"] = [row | {"placement": p} for p in placements for row in data["benchmarks"]]
+            return write_results(self.folder / f"{name}.json", data)
+
+        compact, scatter = placed("a", "a" * 40, "compact"), placed("b", "b" * 40, "scatter")
+        one, = comparison.comparisons(results.load([compact, scatter]))
+        self.assertTrue(one.cells.empty)
+        self.assertIn("cells were measured by the first run alone", comparison_page.section(one, ""))
+        # Nor is what both measured missed where one measured another as well.
+        both = placed("c", "c" * 40, "compact", "scatter")
+        one, = comparison.comparisons(results.load([compact, both]))
+        self.assertTrue(one.cells["panel"].str.endswith(", compact").all())
+        self.assertEqual(one.alone[0], 0)
+        alike = comparison.comparisons(results.load([compact, placed("d", "d" * 40, "compact")]))[0]
+        self.assertFalse(alike.cells["panel"].str.contains("compact").any())
+
     def test_the_page_names_the_largest_differences(self):
         page = comparison_page.section(self.compared(), "")
         self.assertIn("chance alone would make about", page)
         self.assertRegex(page, r"<td>packed_global_mutex</td>.*?class=\"n bad\">0\.[78]")
         self.assertRegex(page, r"<td>packed_wait_free</td>.*?class=\"n good\">1\.[01]")
         self.assertIn("<td>commit</td>", page)
+
+    def test_relmse_is_named_as_it_is_everywhere(self):
+        cells = pd.DataFrame([{"verdict": "undecided", "low": 0.9, "n": 9}])
+        for some in (cells, cells.assign(n=2)):
+            self.assertRegex(comparison_page._sentence(some, "relmse"), r"^<p>(<b>)?relMSE")
 
     def test_the_figure_needs_two_runs(self):
         alone = run("run_differences.py", self.file("a"))

@@ -84,6 +84,17 @@ class Pareto(InFolder):
         self.assertIn("use hash cells (setting 0): relMSE 0.0200, where path tracing has 0.500 by then", page)
         self.assertIn("Bias is what 3 independent runs have in common", page)
 
+    def test_an_error_that_no_row_of_a_scene_has_is_a_dash(self):
+        data = model_pareto(scenes=("desk", "office"), noise=0.0)
+        for row in data["benchmarks"]:
+            if row["scene"] == "desk":
+                row["flip"] = None
+        desk, office = self.page(data).split("for the least FLIP")[1:]
+        lines = [re.findall("<td.*?</td>", line) for line in re.findall("<tr>(.*?)</tr>", desk.split("</table>")[0])]
+        self.assertGreater(len(lines), 2)
+        self.assertEqual({line[5] for line in lines}, {"<td>–</td>"})
+        self.assertNotIn("<td>–</td>", office.split("</table>")[0])
+
     def test_levels_of_interpolation_stand_side_by_side_at_equal_settings(self):
         made = {"irradiance_cache": 900, "irradiance_cache_occlusion": 400}
         data = model_pareto(scenes=("desk",), methods={"path": [(0.1, 0.5)]} | {m: [(0.2, 0.04)] * 5 for m in made},

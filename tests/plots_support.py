@@ -1,9 +1,11 @@
 """What the tests of the plots share: folders, and the programs as a user starts them."""
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
+import resource
 import runpy
 import subprocess
 import sys
@@ -70,6 +72,17 @@ def run_afresh(script: str, *arguments) -> subprocess.CompletedProcess:
     """The same in a new interpreter, as a user starts it."""
     return subprocess.run([sys.executable, str(kPlots / script), *map(str, arguments)], capture_output=True,
                           text=True, check=False)
+
+
+@contextlib.contextmanager
+def no_file_above(size: int):
+    """Meanwhile writing more bytes to a file fails, as on a full disk: to this process and those it starts."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def read_csv(path: Path) -> list[dict]:

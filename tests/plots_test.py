@@ -9,25 +9,34 @@ from __future__ import annotations
 import itertools
 import math
 import os
+import re
 import subprocess
 import sys
 import unittest
+from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 from scipy import stats
 
-from plots_models import kFewWorkloads, kPlots, kRoot, few_caches, model_caches, model_results
-from plots_support import InFolder, read_csv, run, run_afresh, write_results
+from plots_models import kFewWorkloads, kPlots, kRoot, few_caches, model_caches, model_results, model_simulated
+from plots_support import InFolder, no_file_above, read_csv, run, run_afresh, write_results
 
 import contention_map
+import figure
 import grid
 import intervals
 import over_threads
 import results
+import simulated
 import speed_error
+import structure_mechanism
 import style
+import tables
+import thesis_frame_times
+import thesis_tables
 from figures import (ANATOMY_FIGURES, FIGURES, PARETO_FIGURES, PREEMPTION_FIGURES, REPEATABILITY_FIGURES,
-                     TIMELINE_FIGURES)
+                     SIMULATED_FIGURES, TIMELINE_FIGURES)
 
 
 class Statistics(unittest.TestCase):
@@ -99,6 +108,64 @@ class Styles(unittest.TestCase):
         self.assertEqual(len(looks), 1)
 
 
+class Texts(InFolder):
+    """Texts of figures stay within them, whichever font is there."""
+
+    def drawn_with(self, layout: style.Layout):
+        """The settings of a page format on a machine that has no other font."""
+        with mock.patch.object(style, "_font", return_value="DejaVu Sans"):
+            return style.matplotlib.rc_context(style.settings(layout))
+
+    def test_lines_are_as_wide_as_they_may_be_and_no_text_is_lost(self):
+        random = np.random.default_rng(3)
+        words = " ".join("".join(random.choice(list("iWm$^_-l"), random.integers(1, 12))) for _ in range(80))
+        with self.drawn_with(style.kColumn):
+            for inches in (0.5, 1.0, 3.0):
+                lines = figure.wrapped(words, inches, 6.2, "bold")
+                self.assertEqual("".join(lines).replace(" ", ""), words.replace(" ", ""))
+                for line, after in zip(lines, [*lines[1:], "W" * 99]):
+                    self.assertLessEqual(figure.text_width(line, 6.2, "bold"), inches)
+                    begun = after.split(" ")[0]
+                    self.assertGreater(figure.text_width(f"{line} {begun}", 6.2, "bold"), inches)
+                cut = figure.wrapped(words, inches, 6.2, "bold", most=2)
+                self.assertEqual((cut[0], len(cut), cut[1][-1]), (lines[0], 2, "…"))
+                self.assertLessEqual(figure.text_width(cut[1], 6.2, "bold"), inches)
+            self.assertEqual(figure.wrapped("short", 3.0, 6.2, most=2), ["short"])
+            self.assertEqual(figure.wrapped("", 3.0, 6.2), [])
+            self.assertEqual(figure.wrapped("wide", 1e-3, 6.2), list("wide"))
+
+    def test_a_line_of_a_single_long_word_is_cut_within_it(self):
+        with self.drawn_with(style.kColumn):
+            lines = figure.wrapped("m" * 200, 1.0, 6.2, most=2)
+            self.assertRegex(lines[1], "^m{10,} …$")
+
+    def test_signs_of_formulas_have_their_own_widths(self):
+        with self.drawn_with(style.kReport):
+            self.assertGreater(figure.text_width("a$x$", 9), figure.text_width("ax$", 9))
+
+    def test_nothing_is_cut_at_the_edge_of_a_figure(self):
+        setup, = results.load([self.results(caches=few_caches(("ward", "packed")), threads=(1, 2, 3, 4, 6, 8, 32),
+                                            repetitions=2, errors=True)])
+        one, = simulated.load([write_results(self.folder / "s.json", model_simulated(validated=0))])
+        plates = []
+        for drawn, of in [*((f, setup) for f in FIGURES), *((f, one) for f in SIMULATED_FIGURES)]:
+            try:
+                plates += drawn.build(of).plates
+            except figure.Omitted:
+                continue
+        self.assertGreater(len(plates), 20)
+        for plate, layout in itertools.product(plates, (style.kReport, style.kColumn)):
+            bare = [replace(panel, draw=lambda axes, layout: None) for panel in plate.panels[:3]]
+            with self.drawn_with(layout):
+                for canvas in figure.compose(replace(plate, panels=bare), layout):
+                    canvas.set_dpi(600)  # or widths would be rounded to those of a screen
+                    canvas.draw_without_rendering()
+                    for text in canvas.findobj(style.matplotlib.text.Text):
+                        box = text.get_window_extent()
+                        self.assertGreaterEqual(box.x0, -1, text)
+                        self.assertLessEqual(box.x1, canvas.bbox.x1 + 1, (plate.title, layout.name, text))
+
+
 class Figures(InFolder):
     def test_csv_holds_the_medians_that_were_put_in(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads, threads=(1, 8), errors=False)
@@ -164,6 +231,26 @@ class Figures(InFolder):
             checked += 1
         self.assertGreater(checked, 20)
 
+    def test_structures_and_mechanisms_are_held_against_the_base_of_their_own_placement(self):
+        def over(caches, workloads) -> dict:
+            data = model_results(caches=caches, workloads=workloads, threads=(1, 8), errors=False)
+            for row in data["benchmarks"]:
+                row["items_per_second"] = 4e6 if "wait_free" in row["cache"] else 1e6
+            slow = [row | {"placement": "scatter", "items_per_second": 0.1 * row["items_per_second"],
+                           "real_time": 10 * row["real_time"]} for row in data["benchmarks"]]
+            return data | {"benchmarks": data["benchmarks"] + slow}
+
+        caches = model_caches(("ward", "packed"), ("global_mutex", "wait_free"), ())
+        setup, = results.load([write_results(self.folder / "results.json", over(caches, ("read_only",)))])
+        table = structure_mechanism.ratios(setup)
+        self.assertEqual(set(table["panel"]), {"read only, compact", "read only, scatter"})
+        for line in table.itertuples():
+            known = 4.0 if line.mechanism == "wait_free" else 1.0
+            self.assertAlmostEqual(line.median, known, 8, line)
+            self.assertEqual(line.n, 5)
+        self.assertEqual([panel.title for panel in structure_mechanism.build(setup).plates[0].panels],
+                         ["read only, compact", "read only, scatter"])
+
     def test_mechanisms_are_compared_on_one_structure_only(self):
         path = self.results(caches=model_caches())
         setup = results.load([path])[0]
@@ -206,6 +293,17 @@ class Figures(InFolder):
         self.assertRegex(done.stdout,
                          r"^speedup: left out for model: only one thread count was measured.*\n$")
         self.assertEqual(list(self.folder.glob("speedup*")), [], "files of the earlier run are stale")
+
+    def test_where_a_file_has_no_room_what_was_there_stays(self):
+        path = self.results()
+        self.good("speedup.py", path, "--out", self.folder)
+        before = {file.name: file.read_bytes() for file in self.folder.iterdir()}
+        self.assertGreater(min(len(content) for content in before.values()), 2000)
+        with no_file_above(2000):
+            done = run("speedup.py", path, "--out", self.folder)
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^speedup\.py: [^\n]*File too large: '[^\n]*/speedup\.csv'\n$")
+        self.assertEqual({file.name: file.read_bytes() for file in self.folder.iterdir()}, before)
 
     def test_nan_zero_and_absent_values_do_not_reach_a_median(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), repetitions=4,
@@ -271,6 +369,17 @@ class Machines(InFolder):
         self.assertIn("commit fedcba9876", setups[1].label)
         self.assertIn("governor powersave", setups[2].label)
 
+    def test_builds_that_differ_far_behind_have_names_of_their_own(self):
+        common = "-O3 -DNDEBUG -fno-math-errno -std=c++20 -march="
+        setups = results.load([self.results("a.json", compiler_flags=common + "native"),
+                               self.results("b.json", compiler_flags=common + "x86-64-v2")])
+        self.assertEqual([s.label for s in setups],
+                         ["model, compiler flags …native", "model, compiler flags …x86-64-v2"])
+        # Where one differs early, so that there is nothing to leave out, the other two are not cut.
+        setups = results.load([self.folder / "a.json", self.folder / "b.json",
+                               self.results("c.json", compiler_flags="-O2")])
+        self.assertEqual(len({s.label for s in setups}), 3)
+
     def test_a_run_may_be_allowed_less_than_the_machine_has(self):
         allowed = {"units": 2, "cores": 1, "packages": 1, "numa_nodes": 1}
         setup, = results.load([self.results(allowed=allowed)])
@@ -332,6 +441,26 @@ class Machines(InFolder):
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot, compact",
                                                     "mix 90/10, hot spot, scatter"})
+        data["context"]["placement"] = ""
+        for row in data["benchmarks"]:
+            row["placement"] = row["placement"].replace("compact", "")
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        self.assertEqual(set(setup.rows["panel"]), {"mix 90/10, hot spot", "mix 90/10, hot spot, scatter"})
+
+
+    def test_errors_of_placements_are_not_merged(self):
+        data = model_results(caches=few_caches(), workloads=(), threads=(1, 8))
+        one = results.load([write_results(self.folder / "a.json", data)])[0]
+        self.assertEqual(re.findall(r'colspan="4">([^<]*)<', tables.errors(one)), ["cornell box", "sibenik"])
+        # Slower everywhere: beside the other one nothing of it would be left.
+        data["benchmarks"] += [row | {"placement": "scatter", "seconds_indirect": 3 * row["seconds_indirect"]}
+                               for row in data["benchmarks"]]
+        both = results.load([write_results(self.folder / "b.json", data)])[0]
+        blocks = re.split(r'colspan="4">([^<]*)<', tables.errors(both))
+        self.assertEqual(blocks[1::2], ["cornell box, compact", "cornell box, scatter", "sibenik, compact",
+                                        "sibenik, scatter"])
+        lines = [block.count("<tr><td>") for block in blocks[2::2]]
+        self.assertEqual(lines[0::2], lines[1::2])
 
 
 class WrongInput(InFolder):
@@ -382,6 +511,40 @@ class WrongInput(InFolder):
             done = run_afresh(script, "--help")
             self.assertEqual((done.returncode, done.stderr), (0, ""), script)
             self.assertIn("usage: " + script, done.stdout)
+
+
+class Words(InFolder):
+    """What is said around numbers."""
+
+    def test_equal_counts_are_said_once(self):
+        line = {"panel": "read only", "cache": "wait_free", "peak_threads": 9.0, "peak_low": 8.0, "peak_high": 10.0}
+        line |= {name + end: 1.0 for name in ("gamma", "alpha", "beta") for end in ("", "_low", "_high")}
+        for counts, said in (((64, 64), "at most 64 threads"), ((32, 64), "at most 32 to 64 threads")):
+            laws = results.pd.DataFrame([line | {"largest_count": count} for count in counts])
+            self.assertIn(said, tables.scaling_laws(laws))
+
+    def test_names_with_a_capital_within_stay_as_they_are(self):
+        for words, begun in (("relMSE of irradiance", "relMSE of irradiance"), ("bytes a record", "Bytes a record"),
+                             ("the error relMSE", "The error relMSE"), ("", "")):
+            self.assertEqual(style.capital(words), begun)
+
+    def animated(self, frames: int) -> thesis_frame_times.Measured:
+        """A tables.json, as far as these tests need it."""
+        scene = {"title": "Box", "vpls": {"chosen": 64, "levelled_off": True}, "equal_error": None,
+                 "time": {"indirect_per_frame": {"tic": [4.0, *[1.0] * (frames - 1)]}}}
+        return thesis_frame_times.Measured("", "", self.folder, {
+            "settings": {"converged_vpls": 1024, "converged_frames": frames}, "methods": {}, "scenes": {"box": scene}})
+
+    def test_one_last_frame_has_no_number(self):
+        self.assertIn("1,024 VPLs on the last frame.", thesis_tables.equal_error(self.animated(1)).html())
+        self.assertIn("1,024 VPLs on the last 3 frames.", thesis_tables.equal_error(self.animated(3)).html())
+
+    def test_frames_are_whole_numbers(self):
+        plate, = thesis_frame_times.build(self.animated(3)).plates
+        for layout in (style.kReport, style.kColumn):
+            axes = style.matplotlib.figure.Figure((6, 2)).add_axes([0, 0, 1, 1])
+            plate.panels[0].draw(axes, layout)
+            self.assertTrue(all(float(tick).is_integer() for tick in axes.get_xticks()), axes.get_xticks())
 
 
 class Grids(unittest.TestCase):

@@ -10,6 +10,7 @@ import fcntl
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -158,6 +159,20 @@ class WholeRun(Case):
             self.assertIn(told, html)
             self.assertIn(told, markdown)
         self.assertNotRegex(html, r'<(img|script|link)[^>]+(src|href)="(?!data:)')
+        self.cut_short(html, markdown)
+
+    def cut_short(self, html, markdown):
+        """Where a page has no room the earlier one stays."""
+        (self.out / "tables.html").write_text(html + "<!-- earlier -->")
+        size = len(html.encode()) // 2
+        done = subprocess.run([sys.executable, ROOT / "plots" / "thesis_page.py", self.out / "tables.json"],
+                              capture_output=True, text=True, timeout=PATIENCE,
+                              preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)))
+        self.assertEqual(done.returncode, 2)
+        self.assertRegex(done.stderr, r"\A[^\n]*File too large: '[^\n]*/tables\.html'\n\Z")
+        self.assertEqual((self.out / "tables.html").read_text(), html + "<!-- earlier -->")
+        self.assertEqual((self.out / "tables.md").read_text(), markdown)
+        self.assertEqual(list(self.out.glob(".*.scratch")), [])
 
 
 class Interrupted(Case):
@@ -329,6 +344,7 @@ class Script(Case):
             shutil.copy(ROOT / "bench" / name, self.root / "bench" / name)
         (self.root / "plots").mkdir()
         (self.root / "plots" / "thesis_page.py").write_text("")
+        shutil.copy(ROOT / "plots" / "files.py", self.root / "plots")
         self.built = self.folder / "built"
         cmake = self.folder / "stubs" / "cmake"
         cmake.parent.mkdir()

@@ -268,9 +268,7 @@ class Run:
             }, "scenes": self.done, "targets": targets(self.done), "claims": claims(self.done)
         }
         path = s.out / "tables.json"
-        scratch = path.with_name(".tables.json.scratch")
-        scratch.write_text(json.dumps(measured, indent=1), encoding="utf-8")
-        os.replace(scratch, path)
+        pictures.write_whole(path, json.dumps(measured, indent=1))
         return path
 
 

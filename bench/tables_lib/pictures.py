@@ -5,13 +5,18 @@ compressed or by ZIP.
 """
 from __future__ import annotations
 
-import os
+import io
 import struct
+import sys
 import zlib
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
+
+# Behind this folder: some names are in both.
+sys.path.append(str(Path(__file__).resolve().parents[2] / "plots"))
+from files import write_whole  # noqa: E402
 
 kMagic = 20000630
 kTypes = {1: np.dtype("<f2"), 2: np.dtype("<f4")}
@@ -153,9 +158,9 @@ def tone_mapped(picture: np.ndarray, exposure: float) -> Image.Image:
 def write_image(image: Image.Image, path: Path, **options) -> None:
     """Whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    scratch = path.with_name(f".{path.name}.scratch")
-    image.save(scratch, path.suffix[1:].upper(), **options)
-    os.replace(scratch, path)
+    made = io.BytesIO()
+    image.save(made, path.suffix[1:].upper(), **options)
+    write_whole(path, made.getvalue())
 
 
 def write_preview(frames: list[Path], exposure: float, side: int, path: Path) -> None:
