@@ -234,9 +234,9 @@ TEST(Results, AnotherConfigurationIsRefusedByItsFirstDifferingKey) {
 
   // Where lists are long, what differs may stand far behind.
   other = configuration();
-  other["threads"] = {1, 2, std::string(60, 'x'), 3};
+  other["threads"] = {1, 2, std::string(60, 'a'), 3};
   expect_error(error_of([&] { ResultsWriter(dir / "r.json", context(), other, OnExisting::resume); }),
-               "threads[2] is nothing there and \"xxx");
+               "threads[2] is nothing there and \"aaa");
 }
 
 TEST(Results, OrderOfKeysAndNotationOfNumbersDoNotMakeAnotherConfiguration) {

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import base64
-import contextlib
-import io
 import json
 import math
-import os
 import re
-import signal
-import sys
 import tempfile
-import time
 import unittest
 from pathlib import Path
-from unittest import mock
 
 import matplotlib.image
 import numpy as np
@@ -31,9 +24,7 @@ import cautions
 import findings
 import repeatability_page
 import repeatability_results
-import report
 import results
-from figure import Figure
 from figures import FIGURES
 
 
@@ -169,88 +160,6 @@ class Report(InFolder):
         caches = model_caches(("packed",), ("wait_free",), ())
         page = self.page(self.results(caches=caches, workloads=("read_only",)))
         self.assertIn("there is no headline", page)
-
-
-class Ended(InFolder):
-    """A report that is ended while several processes draw."""
-    def setUp(self):
-        super().setUp()
-        self.addCleanup(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
-        for patch in (mock.patch.object(report, "kForkPays", 0), mock.patch("os.sched_getaffinity", lambda _: {0, 1}),
-                      mock.patch.object(sys, "argv", ["report.py", str(self.folder / "results.json")])):
-            self.enterContext(patch)
-
-    def drawing(self, build):
-        """The report as if all it did was to draw four figures with this `build`."""
-        figures = [Figure(f"figure_{number}", "", "", build) for number in range(4)]
-        return mock.patch.object(report, "build", lambda *_, **__: list(report._outcomes(figures, None, self.folder)))
-
-    def sleep(self, _):
-        (self.folder / f"{os.getpid()}.pid").touch()
-        time.sleep(120)
-
-    def wait_until(self, condition):
-        end = time.monotonic() + 60
-        while not condition():
-            self.assertLess(time.monotonic(), end, "nothing happens")
-            time.sleep(0.02)
-
-    def end(self, send) -> tuple[int, str]:
-        """Exit status of a report and what it said when `send` ended it; then nothing of it may go on."""
-        errors = self.folder / "errors"
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                os.setpgid(0, 0)
-                signal.signal(signal.SIGINT, signal.default_int_handler)
-                with errors.open("wb") as file, self.drawing(self.sleep):
-                    os.dup2(file.fileno(), 2)
-                    sys.stderr = open(2, "w", closefd=False)
-                    status = report.main()
-            finally:
-                os._exit(status)
-        self.wait_until(lambda: len(list(self.folder.glob("*.pid"))) == 2)
-        workers = [int(file.stem) for file in self.folder.glob("*.pid")]
-        for pid in workers:
-            self.addCleanup(self.kill, pid)
-        send(child)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        self.wait_until(lambda: not any(map(self.is_running, workers)))
-        return status, errors.read_text()
-
-    @staticmethod
-    def is_running(pid: int) -> bool:
-        try:
-            return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
-        except OSError:
-            return False
-
-    def kill(self, pid: int):
-        if self.is_running(pid):
-            os.kill(pid, signal.SIGKILL)
-
-    def test_nothing_goes_on_when_it_is_killed(self):
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            self.assertEqual(self.end(lambda child, n=number: os.kill(child, n)), (-number, ""))
-            for file in self.folder.glob("*.pid"):
-                file.unlink()
-
-    def test_an_interrupt_is_one_line_and_status_130(self):
-        self.assertEqual(self.end(lambda child: os.killpg(child, signal.SIGINT)), (130, "report.py: interrupted\n"))
-
-    def test_a_process_that_outlived_the_report_before_it_could_know_ends(self):
-        child = os.fork()
-        if child == 0:
-            report._end_with(os.getpid())  # which is not the parent's
-            os._exit(0)
-        self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), 1)
-
-    def test_a_killed_process_that_draws_is_one_line_and_status_2(self):
-        with self.drawing(lambda _: os.kill(os.getpid(), signal.SIGKILL)), \
-                contextlib.redirect_stderr(io.StringIO()) as said:
-            self.assertEqual(report.main(), 2)
-        self.assertRegex(said.getvalue(), r"^report\.py: a process that draws was killed[^\n]+\n$")
 
 
 class Repeatability(InFolder):
