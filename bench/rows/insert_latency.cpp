@@ -43,7 +43,7 @@ class InsertLatency : public Experiment {
         latencies_(static_cast<std::size_t>(kSeconds * kFastest)) {}
 
   Sample sample() override {
-    if (team_.size() < 2) return {0.0, "this process may use a single processing unit"};
+    if (team_.size() < 2) return kSingleUnit;
     const std::uint32_t first = random_.below(static_cast<std::uint32_t>(plan_.points().size()));
     const auto [above, below] = in_turns(
         count_++, [&] { return measure<Above>(first, true); },

@@ -26,7 +26,7 @@ class ReadOnlyScaling : public Experiment {
         all_(machine.topology, Placement::compact, machine.units()) {}
 
   Sample sample() override {
-    if (machine_.units() < 2) return {0.0, "this process may use a single processing unit"};
+    if (machine_.units() < 2) return kSingleUnit;
     if (machine_.topology.equal_speed() == EqualSpeed::no)
       return {0.0, "the processing units are of several speeds"};
     const double before = computation_scaling();

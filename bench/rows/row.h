@@ -60,6 +60,9 @@ struct Sample {
   std::string not_usable{};  ///< empty if the sample counts
 };
 
+/// Of rows that take two processing units or more, where there is one.
+inline const Sample kSingleUnit{0.0, "this process may use a single processing unit"};
+
 /// A prepared measurement. Each sample measures both sides of the ratio, one right after the other.
 class Experiment {
  public:

@@ -31,7 +31,7 @@ class SimulatorError : public Experiment {
   SimulatorError(const Machine& machine, double Validation::*figure) : machine_(machine), figure_(figure) {}
 
   Sample sample() override {
-    if (machine_.units() < 2) return {0.0, "this process may use a single processing unit"};
+    if (machine_.units() < 2) return kSingleUnit;
     while (validations().size() <= next_) validate();
     return {validations()[next_++].*figure_};
   }
