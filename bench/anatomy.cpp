@@ -279,7 +279,8 @@ void measure_memory(const Options& o, ResultsWriter& results) {
               ns.back() * PointerChase::kLoads, PointerChase::kLoads,
               Json{{"block_bytes", bytes}, {"ns_per_load", ns.back()}});
     }
-    if (chase.at() >= bytes) throw std::runtime_error("a chase through memory has left it");
+    if (chase.at() >= bytes / PointerChase::kLineBytes)
+      throw std::runtime_error("a chase through memory has left it");
     fmt::print(tables_stream(o.out), "{:<10} {:<18} {:>9.1f} ns a load\n", "memory",
                fmt::format("{} MiB", bytes >> 20), median(ns));
   }
@@ -428,6 +429,9 @@ int main(int argc, char** argv) {
   app.add_flag("--counting", o.counting, "Measure no time: ask each structure once, for bench/instructions");
   try {
     app.parse(argc, argv);
+    for (const char* const option : {"--out", "--repetitions"})
+      if (o.counting && app.count(option) > 0)
+        icbench::tell_without_effect("anatomy", option, "with --counting");
     o.counting ? icbench::count(o) : icbench::run(o, {argv, argv + argc});
     return icbench::status_of_output("anatomy", 0);
   } catch (const CLI::Success& e) {

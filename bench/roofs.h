@@ -32,13 +32,14 @@ class PointerChase {
     go(kLoads);
     return std::chrono::duration<double, std::nano>(Clock::now() - start).count() / kLoads;
   }
-  /// What the loads came to: whoever prints it keeps them from being left out.
+  /// The line that the loads came to: whoever prints it keeps them from being left out.
   std::uint32_t at() const noexcept { return at_; }
 
   static constexpr std::size_t kLoads = 200'000;
+  static constexpr std::size_t kLineBytes = 64;
 
  private:
-  struct alignas(64) Line {
+  struct alignas(kLineBytes) Line {
     std::uint32_t next;
   };
   void go(std::size_t n) noexcept {

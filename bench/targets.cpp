@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -48,8 +49,8 @@ Measured measure(const Row& row, const Machine& machine, const Options& o) {
   std::string unusable;
   std::size_t skipped = 0;
   Verdict verdict = Verdict::undecided;
-  // Verdicts are sought at 11, 22, 44, ... samples only: an interval that is looked at after every sample would sooner
-  // or later lie on the wrong side by chance.
+  // Verdicts are sought at 11, 22, 44, ... samples only, and once the time is up: an interval that is looked at after
+  // every sample would sooner or later lie on the wrong side by chance.
   std::size_t next_look = o.samples;
   for (const auto start = Clock::now(); out.ratios.size() < kMaximum;) {
     const Sample sample = experiment->sample();
@@ -79,7 +80,7 @@ Measured measure(const Row& row, const Machine& machine, const Options& o) {
     out.verdict = "skipped";
     out.why = unusable;
   } else if (verdict == Verdict::undecided) {
-    out.why = fmt::format("the interval still holds the target after {:.0f} s", o.seconds);
+    out.why = fmt::format("the interval still holds the target after {} samples", out.ratios.size());
   } else if (skipped > 0) {
     out.why = fmt::format("{} further samples did not count: {}", skipped, unusable);
   }
@@ -114,10 +115,9 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
     known.push_back(row.name);
     if (list.empty()) out.push_back(&row);
   }
-  std::vector<std::string_view> named;
-  for (std::size_t begin = 0; !list.empty() && begin <= list.size();) {
-    const std::size_t end = std::min(list.find(',', begin), list.size());
-    const std::string_view name = std::string_view(list).substr(begin, end - begin);
+  if (list.empty()) return out;
+  const std::vector<std::string> named = split_list("--rows", list);
+  for (const std::string& name : named) {
     const auto at = std::find_if(all.begin(), all.end(), [&](const Row& row) { return row.name == name; });
     if (at == all.end()) {  // there are too many to name them all in a line
       const std::string_view guess = nearest(name, known);
@@ -125,9 +125,7 @@ std::vector<const Row*> rows_of(const std::vector<Row>& all, const std::string& 
                                            guess.empty() ? "" : fmt::format("did you mean '{}'? ", guess),
                                            all.size()));
     }
-    named.push_back(name);
     out.push_back(&*at);
-    begin = end + 1;
   }
   require_distinct("--rows", named);
   return out;
@@ -141,11 +139,12 @@ std::filesystem::path unfinished(std::filesystem::path json) {
 
 int run(const Options& o) {
   const std::filesystem::path so_far = unfinished(o.json);
-  if (!o.json.empty()) require_writable("--json", o.json);
-  if (!so_far.empty()) require_writable("--json", so_far);
+  if (!o.list && !o.json.empty()) require_writable("--json", o.json);
+  if (!o.list && !so_far.empty()) require_writable("--json", so_far);
   const std::vector<Row> all = all_rows();
   const std::vector<const Row*> rows = rows_of(all, o.rows);
   if (o.list) {
+    if (!o.json.empty()) tell_without_effect("targets", "--json", "with --list");
     for (const Row* row : rows) fmt::print("{:<34} {:<16} {}\n", row->name, target_of(*row), row->what);
     return 0;
   }

@@ -17,6 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from files import write_whole
+
 kNames = ("chromium", "chromium-browser", "google-chrome")
 kPatience = 60.0  # seconds that an answer may take, on a machine busy with other things
 
@@ -233,7 +235,7 @@ class Page:
     def picture(self, path: Path, whole: bool = False) -> None:
         """A PNG of the window, or of all of the page."""
         more = {"captureBeyondViewport": True, "clip": self._whole()} if whole else {}
-        path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot", format="png", **more)["data"]))
+        write_whole(path, base64.b64decode(self.ask("Page.captureScreenshot", format="png", **more)["data"]))
 
     def _whole(self) -> dict:
         size = self.ask("Page.getLayoutMetrics")["cssContentSize"]
@@ -242,4 +244,4 @@ class Page:
     def printed(self, path: Path) -> None:
         """A PDF of the page on A4."""
         made = self.ask("Page.printToPDF", printBackground=True, preferCSSPageSize=True)
-        path.write_bytes(base64.b64decode(made["data"]))
+        write_whole(path, base64.b64decode(made["data"]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import subprocess
 import sys
 import tempfile
@@ -13,6 +14,8 @@ import style  # first: it checks what is installed
 
 from matplotlib import font_manager
 from PIL import Image, ImageDraw, ImageFont
+
+from files import write_whole
 
 kRoot = Path(__file__).resolve().parent.parent
 kColumns, kWidth, kHeight, kGap, kLabel = 4, 320, 240, 10, 28  # a cell's picture, and round it, pixels
@@ -75,6 +78,8 @@ def main() -> int:
     parser.add_argument("--icbench", default=str(kRoot / "build/release/bin/icbench"), metavar="FILE")
     parser.add_argument("--out", type=Path, default=kRoot / "plots/images/scenes.jpg", metavar="FILE")
     options = parser.parse_args()
+    if options.out.suffix.lower() not in (".jpg", ".jpeg", ".png", ".webp"):
+        parser.error(f"--out {options.out} is no picture; let it end in .jpg, .png or .webp")
     font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), kFontSize)
     try:
         placed = places(scenes(options.icbench))
@@ -86,7 +91,9 @@ def main() -> int:
                 sheet.paste(render(options.icbench, name, width, Path(folder)), (left, top))
                 draw.text((left + width / 2, top + kHeight + kLabel / 2), name, fill=style.kBlack, font=font,
                           anchor="mm")
-        sheet.save(options.out, quality=kQuality)
+        made = io.BytesIO()
+        sheet.save(made, Image.registered_extensions()[options.out.suffix.lower()], quality=kQuality)
+        write_whole(options.out, made.getvalue())
     except (OSError, subprocess.CalledProcessError) as error:
         print(f"{sys.argv[0]}: {error}", file=sys.stderr)
         return 2

@@ -18,6 +18,7 @@
 
 #include <atomic>
 
+#include "core/sanitizers.h"
 #include "core/sync.h"
 #include "stress/history.h"
 
@@ -29,14 +30,6 @@ enum class ClockSource : std::uint8_t { counter, tsc };
 inline constexpr bool kHasTsc = true;
 #else
 inline constexpr bool kHasTsc = false;
-#endif
-
-#if defined(__SANITIZE_THREAD__)
-inline constexpr bool kThreadSanitizer = true;
-#elif defined(__has_feature)
-inline constexpr bool kThreadSanitizer = __has_feature(thread_sanitizer);
-#else
-inline constexpr bool kThreadSanitizer = false;
 #endif
 
 /// Stamp before an operation: nothing of the operation happens earlier.

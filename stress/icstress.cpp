@@ -21,19 +21,15 @@ namespace {
 using nlohmann::ordered_json;
 
 /// The names in a comma-separated list, or all `known` ones for "all".
-std::vector<std::string> select(std::string_view kind, const std::string& text,
+std::vector<std::string> select(std::string_view kind, std::string_view option, const std::string& text,
                                 std::span<const std::string_view> known) {
   if (text == "all") return {known.begin(), known.end()};
-  std::vector<std::string> out;
-  for (std::size_t begin = 0;;) {
-    const std::size_t end = text.find(',', begin);
-    const std::string item = text.substr(begin, end - begin);
+  std::vector<std::string> out = split_list(option, text);
+  for (const std::string& item : out)
     if (std::find(known.begin(), known.end(), item) == known.end())
       throw std::runtime_error(unknown_name(kind, item, known));
-    if (std::find(out.begin(), out.end(), item) == out.end()) out.push_back(item);
-    if (end == text.npos) return out;
-    begin = end + 1;
-  }
+  require_distinct(option, out);
+  return out;
 }
 
 struct Options {
@@ -53,8 +49,8 @@ class Run {
   explicit Run(const Options& options) : options_(options), report_(options.campaign.seed) {
     std::vector<std::string_view> known;
     for (const Subject& subject : all_subjects()) known.push_back(subject.traits.name);
-    caches_ = select("cache", options.caches, known);
-    checks_ = select("check", options.checks, kCheckNames);
+    caches_ = select("cache", "--caches", options.caches, known);
+    checks_ = select("check", "--check", options.checks, kCheckNames);
   }
 
   const Report& run() {
@@ -234,7 +230,7 @@ int run_program(int argc, char** argv) {
     if (json->count() > 0) write_json(options.json, report.to_json());
     return finish(passed);
   } catch (const CLI::Success& e) {
-    return app.exit(e);
+    return status_of_output("icstress", app.exit(e));
   } catch (const std::bad_alloc&) {
     return fail("out of memory; ask for fewer threads");
   } catch (const std::exception& e) {

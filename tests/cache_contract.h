@@ -12,8 +12,6 @@
 
 namespace icbench {
 
-inline constexpr bool kSanitized = ICBENCH_SANITIZED;
-
 /// A record whose irradiance is a function of its id, so that a torn or invented one is recognised.
 inline Record make_record(std::uint32_t id, glm::vec3 p, glm::vec3 n, float R) {
   const std::uint64_t h = mix64(id + 1);

@@ -8,6 +8,15 @@ import unittest
 
 from cli_support import PRECIOUS, SCENE, Case, small_render, write_white_png
 
+# From within a ball through panes of glass, each of which mirrors as well: pixels see more than two points of the ball.
+PANES = """# view -vp 0 -.5 0 -vd 0 1 0 -vu 0 0 1 -vh 40 -vv 40
+void plastic grey 0 0 5 .7 .7 .7 0 0
+void glass clear 0 0 3 .96 .96 .96
+void glow lit 0 0 4 3 3 3 0
+grey sphere ball 0 0 4 0 0 0 3
+lit ring lamp 0 0 8  0 0 2  0 0 -1  0 .5
+""" + "".join(f"clear polygon pane{i} 0 0 12 -1 {i}e-1 -1  1 {i}e-1 -1  1 {i}e-1 1  -1 {i}e-1 1\n" for i in range(4))
+
 
 class Render(Case):
     def test_writes_a_picture_and_what_it_cost(self):
@@ -69,8 +78,14 @@ class Render(Case):
         more = self.load("b.json")
         self.assertEqual(more["records"], cold["records"] + more["queries"] - more["hits"])
 
+    def test_samples_beside_the_first_have_room_for_records_of_their_own(self):
+        fine = small_render(scene="cornell_box", size="24x24", spp=16, accuracy="0.002", out="a.exr", json="a.json")
+        self.assertNotIn("no room", self.run_icbench(*fine).stderr)
+        self.assertGreater(self.load("a.json")["records"], 2 * 24 * 24)
+
     def test_records_that_find_no_room_are_told(self):
-        tight = small_render(scene="cornell_box", size="24x24", spp=16, accuracy="0.002", out="a.exr", json="a.json")
+        (self.folder / "panes.rad").write_text(PANES)
+        tight = small_render(scene="panes.rad", size="24x24", accuracy="0.002", out="a.exr", json="a.json")
         self.assertIn("found no room", self.run_icbench(*tight).stderr)
         self.assertGreater(self.load("a.json")["full"], 0)
         self.assertNotIn("no room", self.run_icbench(*tight, "--cache", "null").stderr)

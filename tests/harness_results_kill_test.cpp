@@ -91,7 +91,7 @@ class ResultsKillTraced : public ::testing::Test {
  protected:
   void SetUp() override {
     // What ends at a system call is judged by the file it leaves; sanitizers see no more there, and take a minute.
-    if (ICBENCH_SANITIZED) GTEST_SKIP() << "told without a sanitizer";
+    if (kSanitized) GTEST_SKIP() << "told without a sanitizer";
     if (!may_trace()) GTEST_SKIP() << "ptrace is forbidden here";
   }
 };

@@ -13,19 +13,12 @@
 #include <string>
 #include <thread>
 
+#include "core/sanitizers.h"
 #include "core/sync.h"
 #include "harness/held_thread.h"
 #include "harness/perf_counters.h"
 #include "harness/time_account.h"
 #include "harness/timeline.h"
-
-#if defined(__SANITIZE_THREAD__)
-#define ICBENCH_SIGNALS_WAIT 1
-#elif defined(__has_feature)
-#if __has_feature(thread_sanitizer)
-#define ICBENCH_SIGNALS_WAIT 1
-#endif
-#endif
 
 namespace icbench {
 namespace {

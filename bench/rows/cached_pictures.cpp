@@ -122,10 +122,6 @@ class Judged : public Experiment {
   }
 
   /// Without the reference's own error, which is independent of the picture's; 0 where that is all there is.
-  double rmse_of(const Picture& p) const {
-    const double error = first_of(rmse(reference_.indirect, p.indirect, nullptr));
-    return std::sqrt(std::max(0.0, error * error - reference_.rmse * reference_.rmse));
-  }
   double relmse_of(const Picture& p) const {
     return std::max(0.0, scaled_relmse(reference_.indirect, p.indirect) - reference_.scaled_relmse);
   }
@@ -287,7 +283,7 @@ class ErrorAtEqualTime : public Judged {
     const double limit = path.seconds, error = relmse_of(path);
     double best = std::numeric_limits<double>::infinity();
     std::vector<Tried> tried;
-    for (const Setting& setting : settings_) {
+    for (const Tuning& setting : settings_) {
       for (const std::uint32_t count : setting.counts) {
         FrameRequest r = request(find_integrator(setting.integrator), seed);
         r.gather = r.vpls = count;
@@ -306,14 +302,14 @@ class ErrorAtEqualTime : public Judged {
   }
 
  private:
-  struct Setting {
+  struct Tuning {
     std::string_view integrator;
     Interpolation level;
     float a;
     std::vector<std::uint32_t> counts;  // of rays a record, or of virtual lights
   };
   struct Tried {
-    const Setting* setting;
+    const Tuning* setting;
     std::uint32_t count;
     double error;
   };
@@ -326,7 +322,7 @@ class ErrorAtEqualTime : public Judged {
     if (std::exchange(chosen_, true)) return;
     std::sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) { return a.error < b.error; });
     tried.resize(std::min(tried.size(), kKept));
-    std::vector<Setting> kept;
+    std::vector<Tuning> kept;
     for (const Tried& t : tried) {
       kept.push_back(*t.setting);
       kept.back().counts = {t.count};
@@ -335,7 +331,7 @@ class ErrorAtEqualTime : public Judged {
   }
 
   std::uint32_t spp_;
-  std::vector<Setting> settings_;
+  std::vector<Tuning> settings_;
   bool chosen_ = false;
 };
 

@@ -12,7 +12,7 @@ namespace icbench {
 
 template <class Structure, class Policy, class Counters = NoCounters>
 class Locked {
-  static_assert(!Structure::kTraits.name.empty() && Structure::kTraits.single_thread,
+  static_assert(Structure::kTraits.single_thread,
                 "wrap the plain instantiation of a structure: the lock is the synchronisation");
 
   using Tickets = TicketOffice<typename Structure::SharedSync>;
@@ -58,7 +58,10 @@ class Locked {
       purse_ = {};
       tickets_.restart(count_of(structure_));
     }};
-    const auto fresh_workspace = [this]() -> auto& { return workspace_ = {}; };
+    const auto fresh_workspace = [this]() -> auto& {
+      prefaulted_ = 0;
+      return workspace_ = {};
+    };
     update_and_then(structure_, keeping_storable(f, config_.bounds),
                     [&] { keep_room(structure_, config_.capacity, fresh_workspace); });
   }

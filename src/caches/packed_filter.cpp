@@ -30,6 +30,8 @@ constexpr auto kOrders = [] {
 #include <hwy/foreach_target.h>  // first, compiles this file once for each kind of machine
 #include <hwy/highway.h>
 
+#include "core/sanitizers.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace icbench {
 namespace HWY_NAMESPACE {
@@ -43,17 +45,10 @@ using Word = hn::Vec<Words>;
 using Float = hn::Vec<Floats>;
 
 // Whether a load under a mask leaves alone what is masked out. ThreadSanitizer does not see such loads.
-#if defined(__SANITIZE_THREAD__)
-#define ICBENCH_COPY_LANES 1
-#elif defined(__has_feature)
-#if __has_feature(thread_sanitizer)
-#define ICBENCH_COPY_LANES 1
-#endif
-#endif
-#if defined(ICBENCH_COPY_LANES) || !HWY_ARCH_X86
+#if !HWY_ARCH_X86
 constexpr bool kHasMaskedLoads = false;
-#else
-constexpr bool kHasMaskedLoads = HWY_TARGET <= HWY_AVX2;  // the better targets have the smaller numbers
+#else  // the better targets have the smaller numbers
+constexpr bool kHasMaskedLoads = !kThreadSanitizer && HWY_TARGET <= HWY_AVX2;
 #endif
 #undef ICBENCH_COPY_LANES
 

@@ -32,7 +32,7 @@
 namespace icbench {
 
 /// Puts `fresh` into an empty `word` unless another thread was faster; returns the winner. One CAS. The loser's unit
-/// becomes `spare`. `failure` orders what the winner published.
+/// becomes `spare`. A CAS that fails acquires what the winner published.
 template <class Sync, class Counters>
 UnitIndex install(typename Sync::template Atomic<UnitIndex>& word, UnitIndex fresh, UnitIndex& spare,
                   Counters& counters) noexcept {

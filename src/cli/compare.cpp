@@ -7,7 +7,6 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -344,12 +343,9 @@ void compare(const CompareOptions& options) {
 }
 
 double parse_number(const std::string& option, std::string_view text) {
-  double number = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc{} || end != text.data() + text.size()) {
-    throw std::runtime_error(fmt::format("{} '{}' is not a number", option, text));
-  }
-  return number;
+  const std::optional<double> number = number_of<double>(text);
+  if (!number) throw std::runtime_error(fmt::format("{} '{}' is not a number", option, text));
+  return *number;
 }
 
 /// An option for a number, whose range check_viewing knows.

@@ -120,7 +120,7 @@ FrameSetup::FrameSetup(const FrameOptions& o) : options_(o) {
   }
   const auto [width, height] = parse_size(o.size);
   const TileOrder tiles = parse_tile_order(o.tiles);
-  const Placement placement = placement_of(o.placement);
+  const Placement placement = parse_placement(o.placement);
   if (!o.json.empty()) require_writable("--json", o.json);
 
   const Topology topology = Topology::of_this_process();

@@ -41,15 +41,6 @@ inline std::vector<std::string> split_list(std::string_view option, std::string_
 /// A hash as results hold it: a file may change under its name, and what was measured of it before is then of another.
 inline std::string key_text(std::uint64_t key) { return fmt::format("{:016x}", key); }
 
-/// A placement by its name, the nearest match offered for an unknown one.
-inline Placement placement_of(std::string_view name) {
-  constexpr std::string_view kKnown[] = {"compact", "scatter", "none"};
-  if (std::find(std::begin(kKnown), std::end(kKnown), name) == std::end(kKnown)) {
-    throw std::runtime_error(unknown_name("placement", name, kKnown));
-  }
-  return parse_placement(name);
-}
-
 /// The number that all of `text` is; none if it is none.
 template <class T>
 std::optional<T> number_of(std::string_view text) {

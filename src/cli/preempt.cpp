@@ -70,7 +70,7 @@ void preempt_command(const PreemptOptions& o) {
   request.caches = split_list("--caches", o.caches);
   require_distinct("--caches", request.caches);
   request.threads = o.threads != 0 ? o.threads : std::max(2u, static_cast<unsigned>(topology.units().size()));
-  request.placement = placement_of(o.placement);
+  request.placement = parse_placement(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
   request.hold_ms = o.hold_ms;

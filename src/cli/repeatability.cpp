@@ -96,7 +96,7 @@ void repeatability_command(const RepeatabilityOptions& o) {
   const std::vector<RepeatabilityPoint> points = repeatability_points(caches, threads);
   const std::string scene = fs::path(o.frame.scene).filename().string();
   const RepeatabilityRequest request{
-      setup.request(), scene, o.number, placement_of(o.frame.placement), o.repetitions, o.reference_spp};
+      setup.request(), scene, o.number, parse_placement(o.frame.placement), o.repetitions, o.reference_spp};
   require_memory(fmt::format("{} pictures of {}", points.size(), o.frame.size),
                  repeatability_bytes(request, points.size()));
   setup.tell_notes();

@@ -46,7 +46,7 @@ SweepRequest request_of(const SweepOptions& o, const Topology& topology) {
   request.threads = o.threads;
   if (request.threads.empty())
     request.threads = default_thread_counts(static_cast<unsigned>(topology.units().size()));
-  request.placement = placement_of(o.placement);
+  request.placement = parse_placement(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
   request.latency_every = o.breakdown ? 1 : o.latency_every;  // every operation is timed then

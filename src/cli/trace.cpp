@@ -200,7 +200,7 @@ SweepRequest request_of(const ReplayOptions& o, const Topology& topology) {
   request.caches = names_of(caches_of(o.caches));
   request.threads = o.threads;
   if (request.threads.empty()) request.threads = {static_cast<unsigned>(topology.units().size())};
-  request.placement = placement_of(o.placement);
+  request.placement = parse_placement(o.placement);
   request.repetitions = o.repetitions;
   request.seed = o.seed;
   request.latency_every = o.latency_every;

@@ -11,10 +11,12 @@
 
 namespace icbench {
 
+/// Most units that Linux can be configured for.
+inline constexpr unsigned kMaxUnits = 8192;
+
 /// Processing units that the calling thread, and those that it starts, may run on, at least 1: of a job or container
 /// that was given some of them, these. std::thread::hardware_concurrency() counts all that are online.
 inline unsigned processing_units() noexcept {
-  constexpr unsigned kMaxUnits = 8192;  // most that Linux can be configured for
   std::array<std::uint64_t, kMaxUnits / 64> mask{};
   // The system call takes words of any number; glibc's type has a fixed one.
   if (::sched_getaffinity(0, sizeof mask, reinterpret_cast<cpu_set_t*>(mask.data())) != 0)

@@ -1,7 +1,7 @@
 // The journal of an unfinished results file: one JSON object per line, each safe before append returns.
 //
 // The first line is the header, the others are rows. What a kill can leave behind is a last line without its
-// end; open cuts it off (it was never acknowledged). The lock on the journal is held while it is open, so
+// end; `read` cuts it off (it was never acknowledged). The lock on the journal is held while it is open, so
 // that two processes never write one results file at once; it goes with the process.
 #pragma once
 

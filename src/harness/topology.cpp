@@ -16,6 +16,9 @@
 #include <tuple>
 #include <utility>
 
+#include "core/names.h"
+#include "core/processing_units.h"
+
 namespace icbench {
 namespace {
 
@@ -120,7 +123,9 @@ std::string_view to_string(Placement placement) noexcept {
 Placement parse_placement(std::string_view text) {
   for (const auto& [name, value] : kPlacements)
     if (name == text) return value;
-  throw std::runtime_error(fmt::format("unknown placement '{}'; choose compact, scatter or none", text));
+  std::vector<std::string_view> known;
+  for (const auto& [name, value] : kPlacements) known.push_back(name);
+  throw std::runtime_error(unknown_name("placement", text, known));
 }
 
 Topology::Topology(hwloc_topology* topology) {
@@ -286,7 +291,6 @@ std::vector<unsigned> default_thread_counts(unsigned units) {
 
 std::error_code bind_this_thread(unsigned os_index) noexcept {
   const auto failed = [](int code) { return std::error_code(code, std::generic_category()); };
-  constexpr unsigned kMaxUnits = 8192;  // most that Linux can be configured for
   using Mask = std::array<std::uint64_t, kMaxUnits / 64>;
   if (os_index >= kMaxUnits) return failed(EINVAL);
   Mask wanted{};

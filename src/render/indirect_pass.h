@@ -5,6 +5,7 @@
 // light() says so, direct light are traced by others. Dispatch is per frame and tile, never per operation.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -34,7 +35,18 @@ struct PassSetup {
   std::uint32_t paths = 1;      ///< traced from each visible point, for integrators that say so
   bool leak_guard = false;      ///< of cached records (render/leak_guard.h)
   std::uint32_t vpl_paths = 0;  ///< that leave the VPLs; 0: planned for the scene as it stands (render/vpl.h)
+  std::uint32_t samples = 1;    ///< primary samples of a pixel
 };
+
+/// How many records of a picture there is room for, in the cache and beside it: two a pixel, since mirrors and glass show
+/// it more than one point. Samples beside the first make records of their own where the accuracy is fine, but the
+/// larger the picture, the fewer; for them there is room up to two million.
+inline std::uint64_t room_for_records(int width, int height, std::uint32_t samples) noexcept {
+  constexpr std::uint64_t kOfSamples = 1 << 21;
+  const std::uint64_t of_pixels =
+      2ull * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  return std::max(of_pixels, std::min(of_pixels * samples, kOfSamples));
+}
 
 class IndirectPass {
  public:

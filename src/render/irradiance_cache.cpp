@@ -10,10 +10,9 @@ namespace icbench {
 namespace {
 
 RecordShapes make_shapes(const PassSetup& s, float a, const RadiusLimits& limits, LeakSuspects suspects) {
-  const auto pixels = static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height);
   return {RecordShaper(s.interpolation, a, s.rays.scene().bounds, limits, s.height),
-          RecordDetails(capacity_for(2 * pixels, s.crew.size()), s.crew.size(),
-                        s.leak_guard ? suspects : LeakSuspects::none)};
+          RecordDetails(capacity_for(room_for_records(s.width, s.height, s.samples), s.crew.size()),
+                        s.crew.size(), s.leak_guard ? suspects : LeakSuspects::none)};
 }
 
 }  // namespace

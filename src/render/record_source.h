@@ -32,7 +32,7 @@ struct CacheUse {
 /// What a pass did in one frame, apart from rays.
 struct PassFigures {
   CacheUse use;
-  std::uint64_t records = 0;          ///< in the cache at the end
+  std::uint64_t records = 0;  ///< in the cache at the end
   // By sources that judge each record alone; 0 by the others, whose records all stay or all go.
   std::uint64_t records_kept = 0;     ///< of those there were at the beginning, left as they were
   std::uint64_t records_updated = 0;  ///< of those, given a new irradiance or radius
@@ -100,7 +100,7 @@ class RecordSource {
   virtual UseToTell tells() const noexcept { return UseToTell::nothing; }
   virtual void used(const Record& record) noexcept;
 
-  /// Adds what it did in this frame.
+  /// Fills in what it did in this frame.
   virtual void report(PassFigures& figures) const noexcept;
 };
 

@@ -40,8 +40,7 @@ bool same_bits(const Irradiance& a, const Irradiance& b) noexcept {
 }
 
 std::uint32_t capacity_of(const PassSetup& s) {
-  return capacity_for(2ull * static_cast<std::uint64_t>(s.width) * static_cast<std::uint64_t>(s.height),
-                      s.crew.size());
+  return capacity_for(room_for_records(s.width, s.height, s.samples), s.crew.size());
 }
 
 PointsView places_of(const VplArrays& vpls) noexcept {
@@ -320,10 +319,9 @@ Irradiance TemporalSource::gather(Tracer& tracer, const Hit& point,
 }
 
 // A kept record's detail and radius, as its light and gradients want them.
-float TemporalSource::reshape(std::uint32_t id, const Irradiance& E,
-                              const IrradianceGradients& gradients) noexcept {
-  return shapes_->shaper.shape_of_vpls(radius_.radius(table_[id].distances), E, gradients,
-                                       shapes_->details[id]);
+void TemporalSource::reshape(std::uint32_t id, const Irradiance& E,
+                             const IrradianceGradients& gradients) noexcept {
+  shapes_->shaper.shape_of_vpls(radius_.radius(table_[id].distances), E, gradients, shapes_->details[id]);
 }
 
 // Whether a segment to a VPL that may be seen meets a box of what moved.

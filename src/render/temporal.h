@@ -183,7 +183,7 @@ class TemporalSource final : public RecordSource {
   Irradiance light_from(std::span<const std::uint64_t> seen, const Hit& point,
                         IrradianceGradients& gradients) const noexcept;
   Irradiance gather(Tracer& tracer, const Hit& point, IrradianceGradients& gradients) const noexcept;
-  float reshape(std::uint32_t id, const Irradiance& E, const IrradianceGradients& gradients) noexcept;
+  void reshape(std::uint32_t id, const Irradiance& E, const IrradianceGradients& gradients) noexcept;
   void forget_verdicts() noexcept;
   VplChange update_lights(const SceneChange& change, const MovedBoxes& boxes, Crew& crew);
 

@@ -55,7 +55,7 @@ Motion bounce(int which, const glm::vec2& at) {
   };
 }
 
-// side x side bunnies; a pair stands side by side.
+// columns x rows bunnies; a pair stands side by side.
 Scene bunnies(int columns, int rows) {
   Scene s = empty_room();
   const float step = columns == 3 ? 1.9f : 2.3f;

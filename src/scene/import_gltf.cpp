@@ -34,7 +34,6 @@ constexpr std::array<std::string_view, 14> kKnownExtensions = {
 constexpr const char* kInstancing = "EXT_mesh_gpu_instancing";  // named where it is used, too
 
 constexpr std::size_t kMaxPlaced = 1'000'000;
-constexpr std::size_t kMostNamed = 20;  // extensions
 // Channels may share a sampler, and each keeps its keys: most of these, beyond those that the file's bytes hold.
 constexpr std::size_t kMostSharedKeys = 1'000'000, kBytesPerKey = 4 + 6;
 

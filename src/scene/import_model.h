@@ -2,6 +2,7 @@
 // one.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <glm/vec2.hpp>
@@ -16,6 +17,9 @@
 #include "scene/scene.h"
 
 namespace icbench::importing {
+
+/// Most names in a note; those beyond are counted.
+inline constexpr std::size_t kMostNamed = 20;
 
 /// What a file's user should know, each thing once.
 class Notes {

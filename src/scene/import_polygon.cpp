@@ -105,7 +105,7 @@ class EarClipper {
   double tolerance_;
 };
 
-// Twice the area as a vector (Newell).
+// Twice the area as a vector.
 glm::dvec3 normal_of(std::span<const glm::dvec3> corners) {
   glm::dvec3 n(0.0);
   for (std::size_t i = 1; i + 1 < corners.size(); ++i)
@@ -117,7 +117,7 @@ glm::dvec3 normal_of(std::span<const glm::dvec3> corners) {
 
 std::vector<glm::uvec3> triangulate(std::span<const glm::dvec3> corners) {
   if (corners.size() < 3) return {};
-  const glm::dvec3 n = glm::abs(normal_of(corners)), signed_n = normal_of(corners);
+  const glm::dvec3 signed_n = normal_of(corners), n = glm::abs(signed_n);
   const double largest = std::max({n.x, n.y, n.z});
   if (!(largest > 0.0 && std::isfinite(largest))) return {};
   // Along the axis nearest to the normal, turned so that the polygon runs counter-clockwise.

@@ -70,9 +70,9 @@ class RadianceReader {
   };
 
   static std::string listed(std::string line, const std::set<std::string>& names) {
-    std::size_t left = 20;
+    std::size_t left = kMostNamed;
     for (const std::string& name : names) {
-      if (left-- == 0) return line + fmt::format(" and {} more", names.size() - 20);
+      if (left-- == 0) return line + fmt::format(" and {} more", names.size() - kMostNamed);
       line += fmt::format(" {}", name);
     }
     return line;

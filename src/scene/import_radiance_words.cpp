@@ -93,7 +93,7 @@ RadianceView read_view(RadianceWords& words) {
     words.fail(words.line(), "the view's direction and up vector are parallel; change -vd or -vu");
   if (view.perspective && !(view.vertical > 0.1 && view.vertical < 179.0))
     words.fail(words.line(),
-               fmt::format("the view's vertical angle is {}; give -vv in (0, 180)", view.vertical));
+               fmt::format("the view's vertical angle is {}; give -vv in (0.1, 179)", view.vertical));
   return view;
 }
 

@@ -41,7 +41,7 @@ class RadianceWords {
 /// What options such as `-vp 0 0 1 -vd 1 0 0 -vu 0 0 1 -vv 40` describe; the defaults are those of rvu.
 struct RadianceView {
   glm::dvec3 p{0.0, 0.0, 0.0}, d{0.0, 1.0, 0.0}, up{0.0, 0.0, 1.0};
-  double vertical = 45.0;  ///< degrees, in (0, 180) if perspective
+  double vertical = 45.0;  ///< degrees, in (0.1, 179) if perspective
   bool perspective = true;
   bool shifted = false;  ///< by -vs or -vl
 };

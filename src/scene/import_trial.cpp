@@ -18,6 +18,8 @@
 #include <optional>
 #include <system_error>
 
+#include "core/sanitizers.h"
+
 namespace icbench::importing {
 namespace {
 
@@ -27,11 +29,7 @@ constexpr std::size_t kMostText = 1024;
 constexpr int kClockPerSecond = 10;
 
 // Sanitizers reserve address space by the terabyte.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kMemoryIsOwn = false;
-#else
-constexpr bool kMemoryIsOwn = true;
-#endif
+constexpr bool kMemoryIsOwn = !kThreadSanitizer && !kAddressSanitizer;
 
 void limit(int what, rlim_t most) {
   rlimit now{};

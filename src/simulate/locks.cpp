@@ -368,19 +368,19 @@ class DistributedReaders final : public SpinningRw {
   static constexpr double kLooksAtOnce = 4.0;
 
   double read_word(const Visitor& v, double t) override {
-    if (readers_.size() <= v.thread) readers_.resize(v.thread + 1);
-    if (readers_[v.thread].is_looked_at) t += machine_.transfer_ns(line_.owner(), v.core);
-    readers_[v.thread].is_looked_at = false;
-    readers_[v.thread].has_read = true;
+    if (lines_of_readers_.size() <= v.thread) lines_of_readers_.resize(v.thread + 1);
+    if (lines_of_readers_[v.thread].is_looked_at) t += machine_.transfer_ns(line_.owner(), v.core);
+    lines_of_readers_[v.thread].is_looked_at = false;
+    lines_of_readers_[v.thread].has_read = true;
     return line_.read(machine_, v.core, t);
   }
   double write_word(const Visitor& v, double t) override {
     t = line_.write(machine_, v.core, t);
     double looks = 0.0;
-    for (unsigned reader = 0; reader < readers_.size(); ++reader) {
-      if (!readers_[reader].has_read) continue;
-      readers_[reader].has_read = false;
-      readers_[reader].is_looked_at = reader != v.thread;
+    for (unsigned reader = 0; reader < lines_of_readers_.size(); ++reader) {
+      if (!lines_of_readers_[reader].has_read) continue;
+      lines_of_readers_[reader].has_read = false;
+      lines_of_readers_[reader].is_looked_at = reader != v.thread;
       looks += machine_.transfer_ns(reader % machine_.cores, v.core);
     }
     return t + looks / kLooksAtOnce;
@@ -392,7 +392,7 @@ class DistributedReaders final : public SpinningRw {
     bool has_read = false;      // has written its line since a writer looked
     bool is_looked_at = false;  // a writer has looked since
   };
-  std::vector<Reader> readers_;
+  std::vector<Reader> lines_of_readers_;
 };
 
 }  // namespace

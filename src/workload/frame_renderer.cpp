@@ -14,6 +14,7 @@ std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
   PassSetup setup{r.rays,   crew,        r.width, r.height,
                   r.gather, r.vpls,      r.a,     r.interpolation,
                   r.seed,   r.cell_size, r.paths, guards_against_leaks(r)};
+  setup.samples = r.spp;
   // The same whichever frame comes first, so that a still is as in the animation.
   if (r.integrator.uses_vpls && r.rays.scene().frames > 1)
     setup.vpl_paths = plan_paths_of_animation(r.rays, {r.vpls, r.seed});
@@ -44,12 +45,11 @@ bool guards_against_leaks(const FrameRequest& r) noexcept {
 }
 
 CacheConfig cache_config(const FrameRequest& r, unsigned threads) {
-  const std::uint64_t pixels = static_cast<std::uint64_t>(r.width) * static_cast<std::uint64_t>(r.height);
   CacheConfig config;
   config.bounds = r.rays.scene().bounds;
   config.a_max = config.a = search_reach(r.interpolation, r.integrator.uses_vpls) * r.a;
   config.max_sessions = threads;
-  config.capacity = capacity_for(2 * pixels + r.records.size(), threads);
+  config.capacity = capacity_for(room_for_records(r.width, r.height, r.spp) + r.records.size(), threads);
   return config;
 }
 

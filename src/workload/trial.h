@@ -62,8 +62,8 @@ struct TrialOutcome {
   std::size_t bytes = 0;      ///< the cache's memory at the end
   Histogram query_ticks;
   Histogram insert_ticks;
-  double checksum = 0.0;            ///< sum of the queries' answers; keeps the compiler from dropping them
-  TimeBreakdown time;               ///< total 0 where no accounts were given
+  double checksum = 0.0;  ///< of traces: sum of the queries' answers, so that no compiler drops them
+  TimeBreakdown time;     ///< total 0 where no accounts were given
   std::vector<ThreadTime> threads;  ///< when each began and ended, of trials in which they do so once
 
   // Ray-traced.

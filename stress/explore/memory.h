@@ -119,7 +119,7 @@ class Memory {
   /// Forgets everything; what is in place is what every thread knows.
   void reset(unsigned threads) noexcept;
 
-  /// The location of an access; false in `fits` if there are too many.
+  /// The location of an access; 0, and is_exhausted(), if there are too many.
   Location locate(const Access& a);
   /// All that `thread` may do next at a location; none if it has to wait.
   Choices choices(unsigned thread, const Access& a, Location l) const noexcept;
