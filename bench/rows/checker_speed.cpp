@@ -1,5 +1,4 @@
 // How fast histories are judged: real ones of four threads, a quarter of the operations from each shape of stress.
-#include <chrono>
 #include <vector>
 
 #include "caches/registry.h"
@@ -30,16 +29,16 @@ class CheckerSpeed : public Experiment {
 
   Sample sample() override {
     std::uint64_t operations = 0;
-    const auto start = std::chrono::steady_clock::now();
-    for (const stress::RoundRecord& round : histories_) {
-      const stress::Judgement judgement = stress::judge(round.history);
-      if (!judgement.holds(stress::Check::linearizable))
-        throw InvalidTrial("wait_free_snapshot is not linearizable: " +
-                           judgement[stress::Check::linearizable].witness);
-      operations += judgement.operations;
-    }
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    return {static_cast<double>(operations) / took.count() / kDemanded};
+    const double took = seconds([&] {
+      for (const stress::RoundRecord& round : histories_) {
+        const stress::Judgement judgement = stress::judge(round.history);
+        if (!judgement.holds(stress::Check::linearizable))
+          throw InvalidTrial("wait_free_snapshot is not linearizable: " +
+                             judgement[stress::Check::linearizable].witness);
+        operations += judgement.operations;
+      }
+    });
+    return {static_cast<double>(operations) / took / kDemanded};
   }
 
  private:

@@ -23,12 +23,9 @@ class GatherOverBareRays : public Experiment {
 
   Sample sample() override {
     std::uint64_t traced = 0;
-    double bare = 0.0;
-    const auto trace_bare = [&] { bare = seconds([&] { hits_ += rays_.bare_trace(log_); }); };
-    const bool bare_first = (count_++ & 1u) != 0;
-    if (bare_first) trace_bare();
-    const double gather = seconds([&] { traced = gather_all(tracer_, points_, strata_, seed_); });
-    if (!bare_first) trace_bare();
+    const auto [gather, bare] = in_turns(
+        count_++, [&] { return seconds([&] { traced = gather_all(tracer_, points_, strata_, seed_); }); },
+        [&] { return seconds([&] { hits_ += rays_.bare_trace(log_); }); });
     return {static_cast<double>(traced) / gather / (static_cast<double>(log_.size()) / bare)};
   }
 
@@ -40,7 +37,7 @@ class GatherOverBareRays : public Experiment {
   std::vector<Hit> points_;
   std::vector<TracedRay> log_;
   std::uint64_t hits_ = 0;
-  unsigned count_ = 0;
+  std::uint64_t count_ = 0;
 };
 
 }  // namespace

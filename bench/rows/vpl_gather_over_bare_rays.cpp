@@ -29,18 +29,16 @@ class VplGatherOverBareRays : public Experiment {
   }
 
   Sample sample() override {
-    double bare = 0.0, gather = 0.0;
-    const auto trace_bare = [&] {
-      bare = std::min({seconds([&] { hits_ += rays_.bare_trace(log_); }),
+    const auto gather_all = [&] {
+      for (const Hit& hit : points_) sum_ += gather_vpls(tracer_, hit, vpls_.vpls(), clamp_, Packing::fast);
+    };
+    const auto fastest_bare = [&] {
+      return std::min({seconds([&] { hits_ += rays_.bare_trace(log_); }),
                        seconds([&] { hits_ += rays_.bare_occluded(log_, 8); }),
                        seconds([&] { hits_ += rays_.bare_occluded(log_, 16); })});
     };
-    const bool bare_first = (count_++ & 1u) != 0;
-    if (bare_first) trace_bare();
-    gather = seconds([&] {
-      for (const Hit& hit : points_) sum_ += gather_vpls(tracer_, hit, vpls_.vpls(), clamp_, Packing::fast);
-    });
-    if (!bare_first) trace_bare();
+    const auto [gather, bare] = in_turns(
+        count_++, [&] { return seconds(gather_all); }, fastest_bare);
     return {bare / gather};
   }
 
@@ -53,7 +51,7 @@ class VplGatherOverBareRays : public Experiment {
   std::vector<TracedRay> log_;
   std::uint64_t hits_ = 0;
   Irradiance sum_{0.0f};
-  unsigned count_ = 0;
+  std::uint64_t count_ = 0;
 };
 
 }  // namespace
