@@ -18,6 +18,7 @@ import pages
 from claims import (Refused, command_of, figures_of, interval_of, kRoot, known_rows, load_claims, name_of, options_of,
                     rows_with, store_claims, this_machine)
 from tables_lib.folder_lock import Taken, lock_folder
+from tables_lib.jobs import identity_of_machine
 
 kQuickMinutes = 30
 
@@ -57,6 +58,7 @@ class Judge:
                 built.update((programs / name).read_bytes())
             except OSError as error:
                 raise Refused(f"cannot read {programs / name}: {error.strerror}; build it: bench/artifact") from None
+        built.update(identity_of_machine().encode())  # a folder may be seen by several machines of one kind
         self.built = built.hexdigest()
 
     def _keep(self) -> None:
@@ -65,8 +67,8 @@ class Judge:
         os.replace(partial, self.out / "artifact.json")
 
     def measured(self, claim: dict, deadline: float = math.inf) -> dict:
-        """What the claim's command says, from an earlier run of the same programs and command if there was one; that it
-        was not measured, where bench/targets says so, which costs no other claim.
+        """What the claim's command says, from an earlier run of the same programs and command on this machine if there
+        was one; that it was not measured, where bench/targets says so, which costs no other claim.
 
         Raises TimeUp at the deadline, in terms of time.monotonic().
         """

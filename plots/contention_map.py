@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from intervals import kMinRepetitions, paired, summarise
+from intervals import few_note, kMinRepetitions, paired, summarise
 from over_threads import cache_rows
 from results import Setup, is_lock, is_wait_free, workload_label
 
@@ -94,6 +94,7 @@ def build(setup: Setup) -> Built:
     foot = ("Pale, the number in grey: undecided, its 95 % interval holds 1." if not few else
             f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions, so no interval: "
             "undecided, pale.")
+    foot = " ".join(filter(None, (foot, few_note(table["n"]))))
     high, wide = table["threads"].nunique(), table["record_cost_us"].nunique()
     columns = (3 if wide <= 4 else 2, 1)
     heights = (max(0.9, 0.34 * high), max(0.7, 0.27 * high))

@@ -141,12 +141,13 @@
     draw() {
       for (const chart of this.charts) chart.destroy();
       const names = this.axis === "threads" ? this.data.panels : this.data.families[this.axis].map(([name]) => name);
-      const workloads = this.picked("workloads").slice(0, kMost);
+      const picked = this.picked("workloads"), workloads = picked.slice(0, kMost);
       const place = this.root.querySelector(".charts");
       place.replaceChildren();
       this.charts = workloads.map((workload) => this.chart(place, names[workload], this.lines(workload)));
       const empty = this.charts.every((chart) => !chart.data.datasets.length);
-      this.say(empty ? "Nothing of what is picked was measured: pick a workload, a cache and a thread count." : "");
+      this.say(empty ? "Nothing of what is picked was measured: pick a workload, a cache and a thread count."
+        : picked.length > kMost ? `The first ${kMost} of ${picked.length} workloads are drawn.` : "");
       this.fillTable();
     }
 

@@ -146,7 +146,12 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
     room = width - outer_left * 0.4 - point * 0.4
     foot = wrapped(plate.footnote, room, layout.font * kFootnote)
     heading = wrapped(plate.title, room, layout.font * kHeading, "bold")
-    top, bottom = point * (0.6 + 1.3 * len(heading)), point * 1.8 + legend_height + len(foot) * point * 1.25
+    x_label = wrapped(plate.x_label, room, layout.font) or [""]
+    below = point * (0.6 + 1.2 * len(x_label))
+    top, bottom = point * (0.6 + 1.3 * len(heading)), below + legend_height + len(foot) * point * 1.25
+    # Under the middle of the panels, as far as that leaves all of it in the figure.
+    half = max(text_width(line, layout.font) for line in x_label) / 2 + point * 0.2
+    x_middle = min(max((outer_left + plate.left[which] + width - right) / 2, half), width - half)
     fit = len(plate.panels)  # rows a page holds
     if math.isfinite(layout.max_height):
         fit = max(1, int((layout.max_height - top - bottom) / cell_height))
@@ -170,8 +175,8 @@ def compose(plate: Plate, layout: Layout) -> list[Canvas]:
                       va="bottom", fontsize=layout.font * kSubtitle, color="#666666", linespacing=1.15)
         middle = (total - top - rows * cell_height + total - top) / 2 / total
         canvas.text(point * 0.35 / width, middle, plate.y_label, rotation=90, va="center", ha="left")
-        canvas.text((outer_left + plate.left[which] + width - right) / 2 / width,
-                    (bottom - point * 1.4) / total, plate.x_label, va="bottom", ha="center")
+        canvas.text(x_middle / width, (bottom - below + point * 0.4) / total, "\n".join(x_label), va="bottom",
+                    ha="center", linespacing=1.2)
         if handles:
             canvas.legend(handles=handles, loc="lower center", ncol=legend_columns, columnspacing=1.2,
                           bbox_to_anchor=(0.5, len(foot) * point * 1.25 / total), handlelength=2.4,

@@ -6,6 +6,7 @@ Caches that are alone on their structure meet in one plate with the best cache o
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +101,8 @@ def groups_of(setup: Setup, rows: pd.DataFrame, value: str = "items_per_second",
     for structure, part in table.groupby("structure"):
         caches = style.cache_order(part["cache"])
         if len(caches) > 1 or table["structure"].nunique() == 1:
-            made.append(Group(structure.replace(" ", "-"), f"structure: {structure.replace('_', ' ')}",
+            # Part of a file's name, whatever signs others' structures have in theirs.
+            made.append(Group(re.sub(r"[^\w.-]+", "-", structure), f"structure: {structure.replace('_', ' ')}",
                               caches, True))
         best.append(_fastest(setup, rows, caches, value))
     made.sort(key=lambda g: -len(g.caches))

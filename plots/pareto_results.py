@@ -143,6 +143,8 @@ def read_rows(path: Path, command: str, files: str, needed) -> tuple[dict, pd.Da
 
 def _read(path: Path) -> tuple[dict, pd.DataFrame]:
     context, rows = read_rows(path, "icbench pareto", kFiles, kNeeded)
+    # Lists and the like, of a later version perhaps, are nothing that rows can be told apart by.
+    rows = rows.apply(lambda column: column.map(lambda v: json.dumps(v) if isinstance(v, (list, dict)) else v))
     rows["setting"] = rows["name"].astype(str).map(setting_of)
     for name in {*kErrors, *kOthers, *kOfLast, *kReference, "seconds_indirect", "repetition_index"} & set(rows):
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
@@ -185,7 +187,8 @@ class Settings:
         for what, part in rows.groupby(by if len(by) > 1 else by[0]) if by else [((), rows)]:
             what = what if isinstance(what, tuple) else (what,)
             for name in self._of:
-                values = sorted(part[name].dropna().unique()) if name in part else [stated.get(name)]
+                values = sorted(part[name].dropna().unique(), key=lambda v: (str(type(v)), v)) if name in part \
+                    else [stated.get(name)]
                 mine[identity, what, name] = " and ".join(f"{v:.15g}" if isinstance(v, Number) else str(v)
                                                           for v in values if v is not None)
         for key, value in mine.items():

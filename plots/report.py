@@ -261,7 +261,9 @@ def section(setup: Setup, figures: list, folder: Path, out: Path, command: str, 
     the rest of the page, name by anchor.
     """
     drawn, left_out = _draw(figures, setup, folder)
-    laws = next((pd.read_csv(done.csv) for done in drawn if done.figure.name == "scaling_law"), None)
+    # One cache is called null, which is a missing number to pandas.
+    laws = next((pd.read_csv(done.csv, keep_default_na=False, na_values=[""]) for done in drawn
+                 if done.figure.name == "scaling_law"), None)
     shown = "".join(map(note_line, left_out))
     shown += "".join(_figure(f"{number}. {done.figure.title}", done, prefix, out)
                      for number, done in enumerate(drawn, 1))

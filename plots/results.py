@@ -213,6 +213,18 @@ def _infer_kind(workload: str, scene) -> str:
     return base if base in ("read_only", "insert_only", "miss_driven") else "ray_traced" if scene else "other"
 
 
+def _leave_out_untold(rows: pd.DataFrame) -> None:
+    """Takes away percentiles of fewer timed operations than they tell of: of 200 the 99.9th is the longest of all,
+    which has a field of its own.
+    """
+    for column in rows:
+        part = re.fullmatch(r"latency_(query|insert)_p(\d+)_ns", column)
+        samples = f"latency_{part[1]}_samples" if part else ""
+        if samples in rows:
+            least = round(1 / max(1e-12, 1 - float(f"0.{part[2]}")))
+            rows[column] = rows[column].mask(rows[samples] < least)
+
+
 def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path) -> pd.DataFrame:
     """The usable repetitions of one file with the columns of this module, typed, absent numbers as NaN."""
     rows = pd.DataFrame.from_records([e for e in entries if e.get("run_type", "iteration") == "iteration"])
@@ -241,6 +253,7 @@ def _tidy(entries: list, context: dict, run: int, remarks: list[str], path: Path
         if column in rows and (odd := (rows[column].notna() & values.isna()).sum()):
             remarks.append(f"{odd} values of {column} in {path.name} are no numbers, and count as absent")
         rows[column] = pd.Series(values, rows.index, dtype=float).replace([np.inf, -np.inf], np.nan)
+    _leave_out_untold(rows)
     usable = (rows["workload"] != "") & (rows["cache"] != "") & (rows["threads"] >= 1)
     if not usable.all():
         remarks.append(f"{(~usable).sum()} rows of {path.name} name no workload, cache or threads and are "

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
-from intervals import summarise
+from intervals import kFewRepetitions, kMinRepetitions, summarise
 from over_threads import cache_rows, groups_of, kGroupKeys, panels_of, thread_axis
 from results import Setup
 from scalability import Law, kLess, laws
@@ -62,13 +62,19 @@ def build(setup: Setup) -> Built:
         plates.append(Plate(group.slug, group.title, panels, lambda layout, caches=caches: _handles(caches, layout),
                             "threads", "million operations per second",
                             f"Solid: fitted. Dashed on grey: extrapolation, to {kFurther} times the most threads "
-                            "measured. Bands: 95 %, from refits to repetitions drawn anew."))
+                            f"measured. Bands: 95 %, from refits to repetitions drawn anew.{_few(mine['n'])}"))
     without = len(rows.drop_duplicates(["cache", "panel"])) - len(found)
     if without:
         notes.append(f"{style.plural(without, 'pair')} of cache and workload without a law: {kLess}")
     if not all(len(law.refits) for law in found.values()):
         notes.append("laws of fewer than three repetitions at some thread count have no band")
     return Built(table, plates, notes)
+
+
+def _few(n: pd.Series) -> str:
+    """What bands of few repetitions are worth. `n`: repetitions of each point."""
+    few = n[(n >= kMinRepetitions) & (n < kFewRepetitions)]
+    return f" Points of fewer than {kFewRepetitions} repetitions make them too narrow." if len(few) else ""
 
 
 def _handles(caches: list[str], layout: style.Layout) -> list:

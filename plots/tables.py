@@ -55,7 +55,8 @@ def best_mechanisms(setup: Setup) -> str:
             "<th>times the best of the other kind</th>" for threads in best)
         lines = [f"<tr><td>{text(title)}</td>{''.join(_leader(found, title) for found in best.values())}</tr>"
                  for title in titles]
-        made.append(f"<h3>Structure: {text(structure)}</h3>{table(head, lines)}{note_line(note)}")
+        made.append(f'<h3>Structure: {text(structure)}</h3><div class="scroll">{table(head, lines)}</div>'
+                    f"{note_line(note)}")
     if not made:
         return "<p>No structure carries both a lock and something that is none.</p>"
     return ('<p class="note">A lock is compared with the best cache without one, and the reverse, always on '

@@ -11,6 +11,7 @@ import tempfile
 import time
 import unittest
 from pathlib import Path
+from unittest import mock
 
 kRoot = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(kRoot / "bench"))
@@ -215,6 +216,11 @@ class Judging(unittest.TestCase):
         self.assertIn("2 claims", done.stdout)
         self.assertEqual(self.calls.read_text().split(), [one, two, two])
 
+    def test_figures_of_another_machine_are_none_of_this_one(self):
+        with mock.patch.object(artifact, "identity_of_machine", return_value="another"):
+            other = artifact.Judge(self.folder, self.folder / "bin").built
+        self.assertNotEqual(artifact.Judge(self.folder, self.folder / "bin").built, other)
+
     def test_a_row_that_cannot_be_measured_costs_no_other(self):
         lacking, row = "checker_speed", "wait_free_over_global_mutex"
         answer = {"median": 2.2, "low": 2.1, "high": 2.3, "verdict": "pass"}
@@ -404,6 +410,16 @@ class Release(unittest.TestCase):
         for context, says in (({"complete": False}, "is not complete"), ({"dirty": True}, "not committed")):
             self.write("pareto_sibenik", **context)
             refused(says)
+        self.write("pareto_sibenik", complete=True)
+        tables = self.results / "tables/tables.json"
+        tables.parent.mkdir()
+        for told, says in (({"complete": False, "mode": "default"}, "tables.json is not complete"),
+                           ({"complete": True, "mode": "quick"}, "tables.json is of a quick run"),
+                           ({"complete": True, "mode": "default", "build": "icbench 1, commit abc with changes, GNU"},
+                            "tables.json was measured with changes")):
+            tables.write_text(json.dumps(told))
+            refused(says)
+        tables.unlink()
         self.write_run("quick")
         refused("quick one")
         self.write_run("swift")

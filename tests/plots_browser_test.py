@@ -10,6 +10,7 @@ import sys
 import tempfile
 import unittest
 from pathlib import Path
+from unittest import mock
 
 from plots_models import few_caches, model_pareto, model_results, model_simulated
 from plots_support import write_results
@@ -267,6 +268,33 @@ class InBrowser(unittest.TestCase):
         for width in (360, 700, 1400):
             self.page.resize(width, 800)
             fits = self.page.until("document.documentElement.scrollWidth <= innerWidth")
+            self.assertTrue(fits, f"scrolls sideways in a window of {width}")
+
+    def opened(self, **model) -> browser.Page:
+        """A page of other results."""
+        with tempfile.TemporaryDirectory() as folder, mock.patch.object(report, "FIGURES", report.FIGURES[:1]):
+            path = write_results(Path(folder) / "results.json", model_results(errors=False, **model))
+            page = self.browser.open(report.build([path], [], [], [], [], Path(folder), "test"))
+        self.addCleanup(page.close)
+        return page
+
+    def test_what_is_picked_and_not_drawn_is_said(self):
+        names = [f"read_only:records={count}" for count in range(1, 14)]
+        page = self.opened(caches=few_caches()[:1], workloads=names, threads=(1,), repetitions=1)
+        page.value("""document.querySelectorAll(".explorer input[name=workloads]:not(:checked)").forEach((box) => {
+            box.checked = true;
+            box.dispatchEvent(new Event("change", {bubbles: true}));
+        })""")
+        self.assertEqual(page.value("""document.querySelectorAll(".charts canvas").length"""), 12)
+        said = page.value("""document.querySelector(".explorer .said").textContent""")
+        self.assertEqual(said, "The first 12 of 13 workloads are drawn.")
+
+    def test_long_names_do_not_make_it_scroll_sideways(self):
+        caches = [cache | {"cache": f"{cache['cache']}_of_a_name_that_goes_on_and_on_and_on"} for cache in few_caches()]
+        opened = self.opened(caches=caches, workloads=kWorkloads[:2], threads=(1, 8, 32), repetitions=3)
+        for width in (360, 1280):
+            opened.resize(width, 800)
+            fits = opened.until("document.documentElement.scrollWidth <= innerWidth")
             self.assertTrue(fits, f"scrolls sideways in a window of {width}")
 
     def test_paper_has_the_table_and_no_form(self):

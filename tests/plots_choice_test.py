@@ -9,7 +9,7 @@ import unittest
 import numpy as np
 import pandas as pd
 
-from plots_models import kFewWorkloads, few_caches, model_results, model_simulated
+from plots_models import kFewWorkloads, few_caches, model_caches, model_results, model_simulated
 from plots_support import InFolder, write_results
 
 import choice
@@ -97,6 +97,17 @@ class ScalingLawFigure(InFolder):
         shown = tables.scaling_laws(table)
         for cache in table["cache"]:
             self.assertIn(f"<td>{cache}</td>", shown)
+
+    def test_bands_of_few_repetitions_are_called_too_narrow(self):
+        for repetitions, few in ((2, False), (3, True), (6, False)):
+            setup = self.setup_of(threads=(1, 2, 3, 4, 6, 8), workloads=kFewWorkloads[:1], repetitions=repetitions)
+            self.assertEqual("make them too narrow" in scaling_law.build(setup).plates[0].footnote, few, repetitions)
+
+    def test_the_report_tables_the_law_of_the_cache_called_null(self):
+        path = self.small(caches=model_caches((), (), ("null",)), threads=(1, 2, 3, 4, 6, 8), repetitions=3)
+        self.good("report.py", path, "--out", self.folder)
+        self.assertIn("<h3>Scaling laws</h3>", page := (self.folder / "report.html").read_text(encoding="utf-8"))
+        self.assertIn("<tr><td>null</td>", page[page.index("<h3>Scaling laws</h3>"):])
 
 
 class Choice(InFolder):

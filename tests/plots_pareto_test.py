@@ -218,6 +218,13 @@ class Pareto(InFolder):
         named = run("report.py", small, "--pareto", self.folder / "pareto_office.json", "--out", out)
         self.assertEqual(named.returncode, 2)
 
+    def test_values_of_another_kind_than_expected_cost_no_scene(self):
+        data = model_pareto(scenes=("cornell_box",))
+        data["benchmarks"][0] |= {"threads": "all", "seed": [1, 2], "newer": {"a": 1}}
+        data["benchmarks"][1] |= {"flip": [0.1], "relmse": {}}
+        found, left_out = pareto_results.load_what_can_be([write_results(self.folder / "pareto.json", data)])
+        self.assertEqual((len(found[0].rows), left_out), (len(data["benchmarks"]) - 1, []))
+
     def test_pictures_stand_side_by_side_with_their_errors(self):
         data = model_pareto(scenes=("cornell_box",))
         data["context"]["images"] = "shots"

@@ -20,6 +20,7 @@ from scipy import stats
 from plots_models import kFewWorkloads, kPlots, kRoot, few_caches, model_caches, model_results
 from plots_support import InFolder, no_file_above, read_csv, run, run_afresh, write_results
 
+import choice
 import contention_map
 import grid
 import intervals
@@ -130,6 +131,8 @@ class Figures(InFolder):
             self.assertEqual(line["best_lock"], best)
             expected = np.median(np.divide(locks[best], times[line["cache"]]))
             self.assertAlmostEqual(float(line["median"]) / expected, 1, 8)
+        plate, = contention_map.build(results.load([path])[0]).plates
+        self.assertIn("Of 5 repetitions an interval is their range", plate.footnote)
 
     def test_structures_and_mechanisms_are_held_against_one_base(self):
         data = model_results(caches=model_caches(), threads=(1, 16, 64), errors=False)
@@ -198,6 +201,15 @@ class Figures(InFolder):
         path = write_results(self.folder / "results.json", data)
         self.good("throughput.py", path, "--out", self.folder / "out")
 
+    def test_a_structure_may_have_any_name(self):
+        caches = [cache | {"structure": "../its own/grid"} for cache in few_caches()]
+        self.good("throughput.py", self.results(caches=caches), "--out", self.folder / "figures")
+        self.assertEqual({path.name for path in (self.folder / "figures").iterdir()},
+                         {"throughput.csv", "throughput.pdf", "throughput.svg"})
+        more = [*caches, *few_caches(("ward",))]
+        self.good("throughput.py", self.results(caches=more), "--out", self.folder / "figures")
+        self.assertTrue((self.folder / "figures/throughput-..-its-own-grid.svg").exists())
+
     def test_single_repetition_is_said_and_carries_no_interval(self):
         path = self.results(repetitions=1)
         self.good("throughput.py", path, "--out", self.folder)
@@ -238,6 +250,18 @@ class Figures(InFolder):
         table = read_csv(self.folder / "figures/throughput.csv")
         self.assertEqual({(line["median"], line["n"]) for line in table}, {("5000000", "2")})
         self.assertFalse((self.folder / "figures/latency.csv").exists())
+
+    def test_a_percentile_of_too_few_operations_is_none(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8, 32), errors=False)
+        for row in data["benchmarks"]:
+            row |= {"latency_query_samples": 999 if row["cache"] == "packed_wait_free" else 1000,
+                    "latency_query_p999_ns": 5e3, "latency_query_p99_ns": 4e3, "latency_query_max_ns": 9e3}
+        setup, = results.load([write_results(self.folder / "few.json", data)])
+        few = setup.rows[setup.rows["cache"] == "packed_wait_free"]
+        self.assertTrue(few["latency_query_p999_ns"].isna().all())
+        self.assertTrue((few[["latency_query_p99_ns", "latency_query_max_ns"]].notna()).all(axis=None))
+        self.assertEqual(setup.rows["latency_query_p999_ns"].notna().sum(), len(setup.rows) - len(few))
+        self.assertNotIn("packed_wait_free", choice.tails(setup)[1])
 
     def test_failed_trials_and_aggregates_are_not_samples(self):
         data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(1, 8), errors=False)

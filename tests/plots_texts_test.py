@@ -15,8 +15,10 @@ import numpy as np
 from plots_models import kPlots, few_caches, model_simulated
 from plots_support import InFolder, write_results
 
+import comparison
 import figure
 import results
+import run_differences
 import simulated
 import style
 import tables
@@ -86,6 +88,9 @@ class Texts(InFolder):
             except figure.Omitted:
                 continue
         self.assertGreater(len(plates), 20)
+        faster = self.results("faster.json", threads=(1,), host_name="other")
+        found, = comparison.comparisons(results.load([self.results(threads=(1,)), faster]))
+        plates += run_differences.build(found).plates  # a long label under a narrow panel
         for plate, layout in itertools.product(plates, (style.kReport, style.kColumn)):
             bare = [replace(panel, draw=lambda axes, layout: None) for panel in plate.panels[:3]]
             with self.drawn_with(layout):

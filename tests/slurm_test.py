@@ -32,6 +32,11 @@ for task in $(option array | tr , ' '); do
 done
 echo "${BANNER-7}"
 """
+# For the processors of a task it says $UNITS.
+kSed = """#!/bin/bash
+[[ ${!#} == /proc/self/status ]] && { echo "$UNITS"; exit; }
+PATH=${PATH#*:} exec sed "$@"
+"""
 kSqueue = "#!/bin/sh\necho \"${QUEUED:-}\"\n"
 
 
@@ -45,9 +50,9 @@ class Slurm(Case):
             (self.commands / name).write_text(text)
             (self.commands / name).chmod(0o755)
 
-    def slurm(self, *arguments, **environment):
+    def slurm(self, *arguments, cwd=None, **environment):
         path = f"{self.commands}:{os.environ['PATH']}"
-        return subprocess.run([sys.executable, kRoot / "bench/slurm", *arguments], cwd=self.folder, text=True,
+        return subprocess.run([sys.executable, kRoot / "bench/slurm", *arguments], cwd=cwd or self.folder, text=True,
                               timeout=PATIENCE, capture_output=True, env={**os.environ, "PATH": path, **environment})
 
     def submit(self, *arguments, **environment):
@@ -170,6 +175,31 @@ class Slurm(Case):
             self.assertIn(f"#SBATCH {line}\n", done.stdout)
         self.assertNotIn("--exclusive", done.stdout)
         self.assertEqual(subprocess.run(["bash", "-n"], input=done.stdout, text=True).returncode, 0)
+
+    def test_sbatch_is_told_every_sign_of_a_value(self):
+        folder = self.folder / "it's #1"
+        folder.mkdir()
+        done = self.submit(*kSweep, "--dry-run", "--sbatch=--comment=a#b", "--sbatch=--wckey=c'd\\e\"f",
+                           "--time", "1:00", cwd=folder)
+        self.assert_done(done)
+        for line in ('--comment="a#b"', '--wckey="c\'d\\\\e\\"f"', "--time=1:00", f'--chdir="{folder}"',
+                     f'--output="{folder}/a sweep/logs/%a.log"'):
+            self.assertIn(f"#SBATCH {line}\n", done.stdout)
+
+    def test_a_list_of_many_processors_makes_no_name_that_is_too_long(self):
+        (self.commands / "sed").write_text(kSed)
+        (self.commands / "sed").chmod(0o755)
+        every_second = ",".join(map(str, range(0, 256, 2)))
+        names = []
+        for units in (every_second, every_second.removesuffix(",254"), "0-3"):
+            self.assert_done(self.submit(*kSweep, UNITS=units))
+            self.assertIn(f"processors {units},", (self.folder / "a sweep/logs/0.log").read_text())
+            first, second = (path.name.split(".", 1)[1] for path in self.files())
+            self.assertEqual(first, second)
+            names.append(first)
+            shutil.rmtree(self.folder / "a sweep")
+        self.assertEqual(len(set(names)), 3, "other processors, another file")
+        self.assertTrue(names[-1].endswith(".0-3.json"))
 
     def test_bad_input_is_one_line(self):
         (self.folder / "a folder").mkdir()

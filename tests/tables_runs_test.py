@@ -199,6 +199,16 @@ class Interrupted(Case):
             (self.folder / name).write_bytes(b"x")
         self.assertEqual(files_named_by(file), [self.folder / "b c.bin", self.folder / "maps/x.png"])
 
+    def test_buffers_within_a_scene_file_name_nothing(self):
+        file = self.folder / "hall.gltf"
+        zeros = b"A" * 2**21  # in base64; a search of quadratic time takes hours
+        file.write_bytes(b'{"uri": "data:application/octet-stream;base64,' + zeros + b'=="}, {"uri": "beside.bin"}, '
+                         + b"%00.b " + b"x" * 300 + b".y")
+        (self.folder / "beside.bin").write_bytes(b"x")
+        signal.alarm(PATIENCE)
+        self.addCleanup(signal.alarm, 0)
+        self.assertEqual(files_named_by(file), [self.folder / "beside.bin"])
+
     def test_killed_again_and_again_a_run_ends_with_the_same_numbers(self):
         run = ("--scenes", "office", "--rounds", "1")
         self.assertEqual(self.start(*run).returncode, 0)

@@ -13,6 +13,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from tables_support import PATIENCE, ROOT
 
@@ -129,6 +130,20 @@ class Pictures(unittest.TestCase):
             (self.folder / name).write_bytes(pictures.encode(self.picture * np.float32(factor)))
         pictures.write_sum({"a.exr": 0.5, "b.exr": -1.0}, "sum.exr", self.folder)
         np.testing.assert_allclose(pictures.read(self.folder / "sum.exr"), -2.5 * self.picture, rtol=1e-6)
+
+    def test_a_preview_of_some_frames_is_as_long_as_that_of_all(self):
+        frames = {}
+        for number in (0, 3, 4):
+            frames[number] = self.folder / f"{number}.exr"
+            frames[number].write_bytes(pictures.encode(np.full((4, 3, 3), 0.2 * (number + 1), np.float32)))
+        pictures.write_preview(frames, 1.0, 16, self.folder / "some.webp")
+        shown = []
+        with Image.open(self.folder / "some.webp") as preview:
+            for frame in range(preview.n_frames):
+                preview.seek(frame)
+                preview.load()
+                shown.append(preview.info["duration"])
+        self.assertEqual(shown, [120, 40, 40])
 
 
 def zipped(picture, code, kind):

@@ -41,9 +41,17 @@ def say(text: str) -> None:
 
 def files_named_by(file: Path) -> list[Path]:
     """Files that a scene file names by a path from where it is: buffers, pictures, materials."""
-    words = re.findall(rb"[\w%./-]+\.\w+", file.read_bytes())
+    # A search that began within a word as well would take hours over a buffer of zeros in base64.
+    words = re.findall(rb"(?<![\w%./-])[\w%./-]+\.\w+", file.read_bytes())
     names = {urllib.parse.unquote(word.decode("ascii")) for word in words}
-    return sorted(file.parent / name for name in names if (file.parent / name).is_file())
+    return sorted(file.parent / name for name in names if _is_file(file.parent / name))
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # longer than a name may be, or with a zero: a word of a buffer
+        return False
 
 
 class Run:
@@ -237,7 +245,7 @@ class Run:
 
     def _frames(self, plan: Plan, method: str, source: Path, exposure: float, made: dict) -> None:
         folder = self.settings.out / "animations" / folder_of(plan.scene)
-        frames = [source / pictures.frame_name(f) for f in self.planner.frames(method)]
+        frames = {f: source / pictures.frame_name(f) for f in self.planner.frames(method)}
         preview = folder / f"{method}.webp"
         if method in ("tic", "igi"):
             pictures.write_preview(frames, exposure, self.settings.scale.preview_side, preview)
@@ -245,7 +253,7 @@ class Run:
         if self.settings.keep_png:
             for earlier in (folder / method).glob("frame_*.png"):  # of other frames, perhaps
                 earlier.unlink()
-            for frame in frames:
+            for frame in frames.values():
                 pictures.write_image(pictures.tone_mapped(pictures.read(frame), exposure),
                                      folder / method / f"{frame.stem}.png")
 

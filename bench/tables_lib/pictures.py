@@ -163,12 +163,15 @@ def write_image(image: Image.Image, path: Path, **options) -> None:
     write_whole(path, made.getvalue())
 
 
-def write_preview(frames: list[Path], exposure: float, side: int, path: Path) -> None:
-    """An animated WebP, 25 frames a second, no side longer than `side`."""
-    small = []
-    for frame in frames:
-        image = tone_mapped(read(frame), exposure)
+def write_preview(frames: dict[int, Path], exposure: float, side: int, path: Path) -> None:
+    """An animated WebP of the pictures of frames by number, 25 frames a second, no side longer than `side`. A frame
+    stands until the next that there is: animations of all frames and of some stay side by side.
+    """
+    small, numbers = [], [*frames]
+    for picture in frames.values():
+        image = tone_mapped(read(picture), exposure)
         image.thumbnail((side, side), Image.LANCZOS)
         small.append(image)
-    write_image(small[0], path, save_all=True, append_images=small[1:], duration=40, loop=0, quality=80,
+    shown = [40 * (after - number) for number, after in zip(numbers, [*numbers[1:], numbers[-1] + 1])]
+    write_image(small[0], path, save_all=True, append_images=small[1:], duration=shown, loop=0, quality=80,
                 method=4)
