@@ -437,7 +437,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& e) {
     return icbench::status_of_output("anatomy", app.exit(e));
   } catch (const std::exception& e) {
-    icbench::tell("anatomy: {}\n", e.what());
+    icbench::tell("anatomy: {}\n", icbench::line_of(e));
     return 2;
   }
 }

@@ -202,14 +202,16 @@ int main(int argc, char** argv) {
         return text.empty() ? "no row is named; leave --rows away for all" : "";
       });
   app.add_flag("--list", o.list, "Print name, target and meaning of the rows; measure nothing");
-  app.add_option("--seconds", o.seconds,
-                 "Time for a row that stays undecided; one that has fewer than\n--samples by then goes on "
-                 "until it has them")
-      ->check(CLI::Range(1.0, 1e5))
+  app.add_option(
+         "--seconds", o.seconds,
+         "Time for a row that stays undecided, 1 to 100000 s; one that has\nfewer than --samples by then "
+         "goes on until it has them")
+      ->type_name("X")
+      ->check(CLI::Range(1.0, 1e5).description(""))
       ->capture_default_str();
   // Of fewer than six samples no interval is a 95 % one: bootstrap_median.
   icbench::add_whole(&app, "--samples", o.samples, std::size_t{6}, icbench::kMaximum,
-                     "Samples of a row before a verdict is sought");
+                     "Samples of a row before a verdict is sought, 6 or more");
   icbench::add_whole(&app, "--seed", o.seed, std::uint64_t{0}, ~std::uint64_t{0},
                      "Seed of all random numbers");
   try {
@@ -220,7 +222,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& e) {
     return icbench::status_of_output("targets", app.exit(e));
   } catch (const std::exception& e) {
-    icbench::tell("targets: {}\n", e.what());
+    icbench::tell("targets: {}\n", icbench::line_of(e));
     return 2;
   }
 }

@@ -124,6 +124,11 @@ def _interval(ratio: tuple, unit: str = "×") -> str:
     return style.interval(*ratio[:3], unit)
 
 
+def _what(lead: dict) -> str:
+    """Of how many workloads a ratio is, or of which."""
+    return f"geometric mean of {lead['panels']} workloads" if lead["panels"] > 1 else lead["least"][1]
+
+
 def _decided(ratio: tuple) -> str:
     if not math.isfinite(ratio[1]):
         return f" Fewer than {kMinRepetitions} repetitions: no interval."
@@ -149,10 +154,9 @@ def of_throughput(setup: Setup, structure: str, threads: int) -> Finding | None:
     (least, at_least), (most, at_most) = lead["least"], lead["most"]
     spread = (f" From {style.number(least)}× ({at_least}) to {style.number(most)}× ({at_most})."
               if lead["panels"] > 1 else "")
-    what = f"geometric mean of {lead['panels']} workloads" if lead["panels"] > 1 else lead["least"][1]
     return Finding(f"Best mechanism at {place(setup, threads)}", _interval(lead["ratio"]),
                    f"{lead['best']} over {_kind(lead)}, {lead['rival']}, on the same structure "
-                   f"({structure}); {what}.{spread}{_decided(lead['ratio'])}",
+                   f"({structure}); {_what(lead)}.{spread}{_decided(lead['ratio'])}",
                    f"Base: {lead['rival']} at {style.threads_text(threads)}, "
                    f"{style.number(lead['base'] * 1e-6)} M "
                    f"operations/s{' (the same mean)' if lead['panels'] > 1 else ''}")
@@ -170,8 +174,7 @@ def of_latency(setup: Setup, structure: str, threads: int) -> Finding | None:
         return None
     return Finding(f"Slowest query in a thousand, {place(setup, threads)}", _interval(lead["ratio"]),
                    f"shorter with {lead['best']} ({style.duration(lead['own'] * 1e-9)}) than with "
-                   f"{_kind(lead)}, {lead['rival']}; geometric mean of {lead['panels']} "
-                   f"workloads.{_decided(lead['ratio'])}",
+                   f"{_kind(lead)}, {lead['rival']}; {_what(lead)}.{_decided(lead['ratio'])}",
                    f"Base: {lead['rival']}, p99.9 of a query {style.duration(lead['base'] * 1e-9)}")
 
 

@@ -17,7 +17,7 @@ import pandas as pd
 from intervals import summarise
 from results import InputError, kIdentityKeys, read_json
 
-kFiles = "results of icbench pareto, a scene each"
+kFiles = "results of icbench pareto (a scene each)"
 # Errors that the front is drawn for: field, name, what a value is of.
 kErrors = {"relmse": "relMSE", "rmse": "RMSE, W/(m² sr)", "relmse_irradiance": "relMSE of irradiance",
            "rmse_irradiance": "RMSE of irradiance, W/m²", "flip": "FLIP", "hdrvdp_p75": "HDR-VDP, % of pixels",

@@ -191,9 +191,12 @@ int run_program(int argc, char** argv) {
   CLI::App app{
       "icstress: concurrent correctness of the caches, from recorded histories and explored schedules",
       "icstress"};
-  app.add_option("--caches", options.caches, "all, or names separated by commas")->capture_default_str();
+  app.add_option("--caches", options.caches, "all, or names separated by commas")
+      ->type_name("LIST")
+      ->capture_default_str();
   app.add_option("--check", options.checks,
                  "all, or of integrity,regular,per_record_linearizable,linearizable,frame")
+      ->type_name("LIST")
       ->capture_default_str();
   add_whole(&app, "--threads", options.campaign.threads, 2u, kMaxThreads,
             fmt::format("threads, 2 to {} (with one, nothing overlaps)", kMaxThreads));
@@ -206,8 +209,13 @@ int run_program(int argc, char** argv) {
             "most preemptions in an explored schedule; unbounded if not given");
   add_extent(app, "--progress", options.progress, "step bounds and stopped threads");
   const CLI::Option* replay = app.add_option("--replay", options.replay,
-                                             "print the schedule of this id, step by step, and nothing else");
-  const CLI::Option* json = app.add_option("--json", options.json, "file for the verdicts");
+                                             "print the schedule of this id, step by step, and nothing else")
+                                  ->type_name("ID");
+  const CLI::Option* json =
+      app.add_option("--json", options.json, "file for the verdicts")->type_name("FILE");
+  app.footer(
+      "Exit status: 0 all promises held, and all controls that had to be were seen failing; 1 not so,\n"
+      "or the schedule of --replay breaks a promise; 2 bad usage (one line on standard error).");
   app.allow_extras();
   try {
     app.parse(argc, argv);
@@ -234,7 +242,7 @@ int run_program(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     return fail("out of memory; ask for fewer threads");
   } catch (const std::exception& e) {
-    return fail(e.what());
+    return fail(line_of(e));
   }
 }
 

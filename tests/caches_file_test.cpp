@@ -1,5 +1,7 @@
 // A cache in a file: what is saved comes back from every cache, and a file that is not whole is never taken.
+#include <fcntl.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <fstream>
@@ -213,6 +215,15 @@ TEST_F(SmallFile, ChangesWhileItIsReadAreFound) {
   EXPECT_TRUE(is_one_line_with(file.for_each_record([](const Record&) {}).value_or(""), "end here"));
 }
 
+TEST_F(SmallFile, WhatIsNotOpenIsNotRead) {
+  CacheFile file;
+  const auto refused = [&file] { return file.for_each_record([](const Record&) {}).value_or(""); };
+  EXPECT_TRUE(is_one_line_with(refused(), "not open"));
+  ASSERT_EQ(file.open(path_), std::nullopt);
+  ASSERT_NE(file.open(folder_ / "another"), std::nullopt);
+  EXPECT_TRUE(is_one_line_with(refused(), "not open"));
+}
+
 TEST_F(SmallFile, WritingThatFailsLeavesTheOldFileAndNothingElse) {
   // Past this size writing fails, as on a full disk.
   rlimit before{}, little{};
@@ -249,10 +260,17 @@ TEST_F(SmallFile, LinksAreFollowedAndPermissionsStay) {
 }
 
 TEST_F(SmallFile, NamesOfOpenFilesAreRefused) {
-  for (const char* name : {"/dev/stdout", "/dev/stderr", "/dev/fd/1", "/proc/self/fd/1"}) {
+  // What is behind the names is a file, which would be replaced.
+  const int there = ::open(path_.c_str(), O_RDONLY);
+  const std::string fd = "fd/" + std::to_string(there), link = folder_ / "link";
+  std::filesystem::create_symlink("/dev/" + fd, link);
+  for (const std::string& name : {std::string("/dev/stdout"), std::string("/dev/stderr"), "/dev/" + fd,
+                                  "//dev/./" + fd, "/proc/self/" + fd, "/proc/thread-self/" + fd,
+                                  "/proc/" + std::to_string(getpid()) + "/" + fd, link}) {
     const Failure refused = save_records(name, config_, {}, [](const auto&) {});
     EXPECT_TRUE(is_one_line_with(refused.value_or(""), "no regular file")) << name;
   }
+  ::close(there);
 }
 
 TEST_F(SmallFile, SavesToOneNameAtOnceLeaveOneOfThem) {

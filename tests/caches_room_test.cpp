@@ -91,6 +91,28 @@ long pages_given() {
   return usage.ru_minflt;
 }
 
+/// Bytes of memory that the process has.
+std::size_t resident() {
+  std::ifstream file("/proc/self/statm");
+  std::size_t pages = 0, of_these = 0;
+  file >> pages >> of_these;
+  return of_these * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+}
+
+TEST_P(Room, NoMoreIsTouchedBeforehandThanTheCapacityNeeds) {
+  constexpr std::uint32_t kCapacity = 50'000;
+  AnyCache cache(GetParam(), config(kCapacity));
+  const std::size_t before = resident();
+  for (std::uint32_t t = 0; t < threads(); ++t) {
+    auto session = cache.open_session(t);
+    for (const std::uint32_t n : {kCapacity, 1u << 31, UINT32_MAX}) session.prefault(n);
+  }
+  // Of local copies each may be as large as all.
+  const std::size_t copies = GetParam().traits.mechanism == "local_write" ? 1 + threads() : 1;
+  if (kSanitized) return;  // which take memory of their own
+  EXPECT_LT(resident(), before + copies * (kCapacity * 400u + (2u << 20)));
+}
+
 // Guards against: memory that a session was to touch beforehand, and that is fetched page by page as records come.
 TEST_P(Room, InsertsFindMemoryTouchedBeforehand) {
   if (!keeps() || GetParam().traits.name == "tbb_hash_grid") GTEST_SKIP() << "touches nothing beforehand";
@@ -169,12 +191,6 @@ TEST_P(Room, RecordsThatTakeMoreThanThoseBesideThemFitAsWell) {
 // Guards against: a large page for each pool of each session, of which nothing was used.
 TEST(MemoryBytes, EmptyCopiesOfManySessionsStayWithoutMemory) {
   if (kSanitized) GTEST_SKIP() << "sanitizers take memory of their own";
-  const auto resident = [] {
-    std::ifstream file("/proc/self/statm");
-    std::size_t pages = 0, of_these = 0;
-    file >> pages >> of_these;
-    return of_these * static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
-  };
   for (const AnyCache::Maker& info : registered_caches()) {
     if (info.traits.mechanism != "local_write") continue;
     constexpr std::uint32_t kSessions = 32;

@@ -1,10 +1,17 @@
 // Updates between frames: what they change and drop, also where the function throws.
+#include <malloc.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <atomic>
+#include <fstream>
 #include <limits>
 #include <map>
+#include <new>
 #include <stdexcept>
 
 #include "cache_contract.h"
+#include "limited_child.h"
 
 namespace icbench {
 namespace {
@@ -118,6 +125,45 @@ TEST_P(Updates, AnUpdateThatThrowsLeavesEveryRecordThereOnceOrGone) {
   std::map<std::uint32_t, float> radii;
   cache.for_each_record([&](const Record& r) { radii[r.id] = r.R; });
   session.visit(x, [&](const Record& r, float) { EXPECT_EQ(r.R, radii[r.id]) << r.id; });
+}
+
+// Guards against: copies that an update did not get to, since there was no memory to go on.
+TEST_P(Updates, AnUpdateWithoutMemoryLeavesCopiesThatSayTheSame) {
+  if (!keeps()) GTEST_SKIP() << "keeps nothing";
+  if (kSanitized) GTEST_SKIP() << "no limit on the address space";
+  EXPECT_EQ(status_with_little_memory([this] {
+              mallopt(M_MMAP_THRESHOLD, 1 << 16);  // what is freed goes back, so that the limit counts
+              AnyCache cache(GetParam(), config(20'000));
+              auto session = cache.open_session(0);
+              for (const Record& r : random_records(20'000, 14)) session.insert(r);
+              cache.end_frame();
+              rlimit limit;
+              getrlimit(RLIMIT_AS, &limit);
+              std::size_t pages = 0;
+              std::ifstream("/proc/self/statm") >> pages;
+              limit.rlim_cur = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)) + (256u << 10);
+              setrlimit(RLIMIT_AS, &limit);
+              try {
+                cache.update_records([](Record& r) {
+                  r.E += 1.0f;
+                  return UpdateResult::keep;
+                });
+              } catch (const std::bad_alloc&) {
+              }
+              limit.rlim_cur = limit.rlim_max;
+              setrlimit(RLIMIT_AS, &limit);
+              std::vector<Record> records;
+              cache.for_each_record([&](const Record& r) { records.push_back(r); });
+              int wrong = records.size() == 20'000 ? 0 : 1;
+              for (std::size_t i = 0; i < records.size(); i += 100) {
+                const Record& r = records[i];
+                session.visit({r.p, r.n}, [&](const Record& shown, float) noexcept {
+                  if (shown.id == r.id && shown.E != r.E) wrong = 2;
+                });
+              }
+              return wrong;
+            }),
+            0);
 }
 
 TEST_P(Updates, AnUpdateThatThrowsGivesBackTheRoomOfWhatItDropped) {

@@ -50,6 +50,7 @@ class BadInput(Case):
                 (["pareto", "--cache", "waitfree"], "wait_free"),
                 (["repeatability", "--caches", "wait_free,waitfree_snapshot"], "wait_free_snapshot"),
                 (["repeatability", "--integrator", "instant_cachin"], "instant_caching"),
+                (["sweep", "--caches", "wait"], "wait_free"),
                 (["compare", "a", "b", "--metrics", "rmse,relmes"], "relmse")):
             with self.subTest(arguments):
                 self.refuse(*arguments, says=["unknown", f"did you mean '{nearest}'?"])
@@ -58,8 +59,9 @@ class BadInput(Case):
         for arguments, part in ((["sweep", "now"], "now"), (["list", "caches", "scenes"], "scenes"),
                                 (["--threads", "2", "sweep"], "--threads"), (["foo", "sweep"], "foo"),
                                 (["list"], "WHAT"), (["compare", "a.exr"], "B"),
-                                (["sweep", "--out"], "--out"), (["a\nb"], "a b"),
-                                (["sweep", "--seed", "1", "--seed", "2"], "--seed")):
+                                (["sweep", "--out"], "--out needs a value"), (["a\nb"], "a b"),
+                                (["sweep", "--seed", "1", "--seed", "2"], "--seed is given more than once"),
+                                (["compare", "a", "b", "--metrics", "rmse,rmse"], "--metrics names rmse twice")):
             with self.subTest(arguments):
                 self.refuse(*arguments, says=[part])
 

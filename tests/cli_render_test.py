@@ -268,6 +268,9 @@ class Compare(Case):
         animation = self.succeed("animate", "--scene", SCENE, "--size", "8x8", "--rays", 1, "--frames", 2, "--format",
                                  "none", "--json", "/dev/stdout")
         self.assertEqual(json.loads(animation)["frame_count"], 2)
+        before = self.contents()
+        self.assertEqual(json.loads(self.succeed(*small_render(out="a.exr", json="-")))["image"], "a.exr")
+        self.assertEqual(self.contents().keys(), before.keys())
 
     def test_folders_are_compared_frame_by_frame(self):
         for folder, seeds in ("a", (1, 1)), ("b", (1, 2)):

@@ -64,6 +64,12 @@ class SweepFiles(Case):
             self.assertRegex(estimate, r"in all +1 trials +\d+:\d\d")
         self.assertEqual(self.contents(), {"old.json": PRECIOUS.encode()})
 
+    def test_what_neither_an_estimate_nor_a_list_heeds_is_named(self):
+        for mode, *given in ("--dry-run", "--resume"), ("--list", "--resume"), ("--list", "--timeline", "t.json"):
+            self.succeed_but_for([f"{given[0]} has no effect with {mode}, which is of the whole sweep"],
+                                 *small_sweep(out="r.json"), mode, *given)
+            self.assertEqual(self.contents(), {})
+
     def test_without_resume_a_sweep_starts_anew(self):
         self.succeed(*small_sweep(out="r.json"))
         self.succeed(*small_sweep(out="r.json", seed=2))

@@ -200,6 +200,7 @@ TEST(Suggest, NearestIsCloseOrNothing) {
   constexpr std::string_view names[] = {"wait_free", "local_write", "null"};
   EXPECT_EQ(nearest("waitfree", names), "wait_free");
   EXPECT_EQ(nearest("nul", names), "null");
+  EXPECT_EQ(nearest("w", names), "wait_free");
   EXPECT_EQ(nearest("zzzzzz", names), "");
   EXPECT_EQ(nearest("", names), "");
   EXPECT_EQ(nearest("null", {}), "");

@@ -144,6 +144,18 @@ TEST(RadiusLimits, ClampAlsoWhatIsNotANumber) {
   EXPECT_EQ(limits.clamp(kNaN), 2.0f);
 }
 
+// Guards against: squares of sides that overflow or vanish in single precision.
+TEST(RadiusLimits, AreSharesOfTheDiagonalOfScenesOfAnySize) {
+  for (const float size : {1e-30f, 1e-20f, 1e-3f, 1.0f, 1e7f, 1e20f, 1e30f}) {
+    const RadiusLimits limits = RadiusLimits::for_scene({glm::vec3(0.0f), glm::vec3(size)}, 0.001f, 0.5f);
+    EXPECT_NEAR(limits.min / (0.001f * std::sqrt(3.0f) * size), 1.0f, 1e-6f) << size;
+    EXPECT_NEAR(limits.max / (0.5f * std::sqrt(3.0f) * size), 1.0f, 1e-6f) << size;
+  }
+  const RadiusLimits of_a_point = RadiusLimits::for_scene({glm::vec3(2.0f), glm::vec3(2.0f)}, 0.001f, 0.5f);
+  EXPECT_EQ(of_a_point.min, 2.0f * kMinRadiusShare);
+  EXPECT_EQ(of_a_point.max, of_a_point.min);
+}
+
 TEST(Storable, RefusesWhatIsNotFiniteOrNotUnitOrOutside) {
   const Bounds b{{0, 0, 0}, {1, 1, 1}};
   const Record good = record_at({0.5f, 0.5f, 0.5f}, {0, 0, 1}, 0.1f);
@@ -308,6 +320,13 @@ TEST(Config, EveryMistakeGetsItsLine) {
   EXPECT_TRUE(bad([](CacheConfig& c) { c.capacity = 0; }));
   EXPECT_TRUE(bad([](CacheConfig& c) { c.max_sessions = 0; }));
   EXPECT_TRUE(bad([](CacheConfig& c) { c.max_sessions = 8193; }));
+}
+
+TEST(Config, CapacityIsForAllRecordsOrTheGreatest) {
+  EXPECT_EQ(capacity_for(1000, 8), 1000 + 8 * kTicketBatch);
+  for (const std::uint64_t records :
+       {std::uint64_t{kMaxCapacity}, std::uint64_t{UINT32_MAX}, UINT64_MAX - 8, UINT64_MAX})
+    EXPECT_EQ(capacity_for(records, 8), kMaxCapacity) << records;
 }
 
 }  // namespace

@@ -135,5 +135,16 @@ TEST(MovedBoxes, ManySegmentsAtOnceAreJudgedAsOneByOne) {
   }
 }
 
+// Guards against: a margin that is taken in the box's own space, which the pose scales.
+TEST(MovedBoxes, MarginsAreOfTheWorld) {
+  const PosedBox small{{glm::vec3(-1.0f), glm::vec3(1.0f)}, {glm::mat3(0.1f), glm::vec3(0.0f)}};
+  constexpr float kEpsilon = 0.01f;  // boxes are larger by two of them
+  const MovedBoxes boxes({&small, 1}, kEpsilon);
+  EXPECT_TRUE(boxes.near({0.5f, 0, 0}, 0.39f));
+  EXPECT_FALSE(boxes.near({0.5f, 0, 0}, 0.37f));
+  EXPECT_TRUE(boxes.meet({-1, 0.119f, 0}, {1, 0.119f, 0}));
+  EXPECT_FALSE(boxes.meet({-1, 0.13f, 0}, {1, 0.13f, 0}));
+}
+
 }  // namespace
 }  // namespace icbench

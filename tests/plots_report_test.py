@@ -392,6 +392,12 @@ class Findings(InFolder):
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         self.assertIn("Undecided", findings.of_throughput(setup, "packed", 8).text)
 
+    def test_one_workload_has_no_mean(self):
+        data = model_results(caches=few_caches(), workloads=kFewWorkloads[:1], threads=(8,), errors=False)
+        setup = results.load([write_results(self.folder / "results.json", data)])[0]
+        for finding in findings.of_throughput(setup, "packed", 8), findings.of_latency(setup, "packed", 8):
+            self.assertNotIn("geometric mean", finding.text)
+
     def test_what_strictness_costs_is_the_ratio_of_the_two(self):
         caches = model_caches(("ward",), ("global_mutex", "wait_free", "wait_free_snapshot"), ())
         data = model_results(caches=caches, workloads=kFewWorkloads, threads=(8,), errors=False)

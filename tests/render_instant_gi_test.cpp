@@ -1,8 +1,10 @@
 // Instant global illumination, with every virtual light at every pixel and by interleaved sampling.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <set>
 #include <vector>
 
 #include "render/instant_gi.h"
@@ -106,6 +108,99 @@ TEST(RenderInterleaved, TheFilterTakesTheMeanOfOneSurfaceAndStopsAtEdges) {
   EXPECT_GT(floor, 200u);
   EXPECT_LT(floor, 700u);
   EXPECT_GT(inside, 600u);
+}
+
+// Guards against: blocks of pixels that some group is missing from, at the borders of the picture too.
+TEST(RenderInterleaved, EveryBlockOfPixelsHasAllGroups) {
+  const VplGroups groups(traced_set(cornell_box_rays(), 300, 6), 3);
+  constexpr std::uint32_t kHigh = 11;
+  for (const std::uint32_t width : {9u, 10u, 11u})
+    for (std::uint32_t y = 0; y + 3 <= kHigh; ++y)
+      for (std::uint32_t x = 0; x + 3 <= width; ++x) {
+        std::set<const VplArrays*> here;
+        for (std::uint32_t i = 0; i < 9; ++i)
+          here.insert(&groups.of_pixel((y + i / 3) * width + x + i % 3, static_cast<int>(width)));
+        ASSERT_EQ(here.size(), 9u) << width << ": " << x << ' ' << y;
+      }
+}
+
+// Guards against: the pattern of the groups in mirrors, where no filter takes it out.
+TEST(RenderInterleaved, WhatIsSeenInMirrorsIsLitByAllLights) {
+  Scene s = room();
+  s.materials[2].surface = Surface::dielectric;  // both behind it and in it
+  const RayTracer rays(std::move(s));
+  PrimaryHits primary(rays.scene(), 16, 16);
+  const CameraView view(rays.scene().camera, 16, 16);
+  const VplSet set = traced_set(rays, 200, 6);
+  const VplShading shading{vpl_clamp(rays.scene().bounds)};
+  std::vector<Irradiance> E(primary.hits.size());
+  Image by[2] = {blank(16, 16), blank(16, 16)};
+  Tracer tracer(rays);
+  const Tile tile{0, 0, 16, 16};
+  primary_tile(tracer, view, Lens::centre, {}, tile, primary);
+  for (const std::uint32_t n : {1u, 3u})
+    interleaved_tile(tracer, primary, set.vpls(), VplGroups(set, n), shading, tile, E, by[n / 2]);
+  EXPECT_GT(mean_of(by[0]), 0.0);
+  for (std::size_t i = 0; i < E.size(); ++i) EXPECT_TRUE(same_bits(by[0].pixels[i], by[1].pixels[i]));
+}
+
+// A floor seen from above, beside it a step up, a slope of 34 degrees at an angle to the rows, and a lamp that lies on
+// it.
+Scene floor_and_more() {
+  Scene s;
+  s.name = "floor";
+  const auto grey = s.add_material({.albedo = glm::vec3(0.5f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(1.0f)});
+  s.meshes.push_back(quad("floor", {-2, 0, -2}, {0, 0, 4}, {4, 0, 0}, grey));
+  s.meshes.push_back(quad("step", {-2, 0.2f, -2}, {0, 0, 4}, {1.8f, 0, 0}, grey));
+  s.meshes.push_back(quad("slope", {0.3f, 0, -2}, {0.2f, 0, 4}, {2, 1.35f, 0}, grey));
+  s.meshes.push_back(quad("lamp", {0.0f, 5e-4f, -0.2f}, {0, 0, 0.4f}, {0.2f, 0, 0}, lamp));
+  s.camera = {.eye = {0.1f, 3.0f, 0.0f}, .target = {0.1f, 0.0f, 0.0f}, .up = {0, 0, -1}, .fov_y = 0.5f};
+  return s;
+}
+
+TEST(RenderInterleaved, TheFilterStopsAtStepsSlopesLampsAndFarOff) {
+  const RayTracer rays(floor_and_more());
+  const PrimaryHits primary = primary_hits(rays, 30, 30);
+  const auto filtered = [&](const std::vector<Irradiance>& E, float diagonal) {
+    Image out = make_image(30, 30);
+    filter_tile(rays, primary, E, 3, diagonal, {0, 0, 30, 30}, out);
+    return out;
+  };
+  std::vector<Irradiance> E;
+  std::size_t of_step = 0, of_lamp = 0;
+  for (const Hit& hit : primary.hits) {
+    of_step += hit.p.y == 0.2f;
+    of_lamp += !reflects(rays, hit);
+    E.emplace_back(!reflects(rays, hit) ? 0.0f : hit.p.y == 0.2f ? 10.0f : 1.0f);
+  }
+  ASSERT_GT(of_step, 100u);
+  ASSERT_GT(of_lamp, 5u);
+  const Image apart = filtered(E, 100.0f);
+  for (std::size_t i = 0; i < E.size(); ++i)
+    EXPECT_NEAR(apart.pixels[i].x, 0.5f / static_cast<float>(kPi) * E[i].x, 1e-5f) << i;
+
+  // Of a block of pixels that has every group once, light of one: who gives, too, takes from it.
+  std::array<Image, 9> of_group, alone;
+  const auto group_of = [](std::size_t i) { return i / 30 % 3 * 3 + i % 3; };
+  for (std::size_t k = 0; k < 9; ++k) {
+    for (std::size_t i = 0; i < E.size(); ++i) E[i] = glm::vec3(group_of(i) == k ? 1.0f : 0.0f);
+    of_group[k] = filtered(E, 100.0f);
+    alone[k] = filtered(E, 1e-3f);
+  }
+  std::size_t cut = 0;
+  for (std::size_t y = 1; y < 29; ++y)
+    for (std::size_t x = 1; x < 29; ++x) {
+      const std::size_t i = y * 30 + x;
+      for (const std::size_t other : {i - 31, i - 30, i - 29, i - 1, i + 1, i + 29, i + 30, i + 31}) {
+        if (!reflects(rays, primary.hits[i]) || !reflects(rays, primary.hits[other])) continue;
+        const bool takes = of_group[group_of(other)].pixels[i].x > 0.0f;
+        EXPECT_EQ(takes, of_group[group_of(i)].pixels[other].x > 0.0f) << i << ' ' << other;
+        EXPECT_EQ(alone[group_of(other)].pixels[i].x, 0.0f) << "from farther than a twentieth of the scene";
+        cut += !takes;
+      }
+    }
+  EXPECT_GT(cut, 200u);
 }
 
 }  // namespace

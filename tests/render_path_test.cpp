@@ -103,6 +103,23 @@ TEST(RenderPath, DirectLightOfASquareIsLamberts) {
   }
 }
 
+TEST(RenderPath, ALampSendsNothingToItsBack) {
+  Scene s;
+  s.name = "lamp";
+  const auto grey = s.add_material({.albedo = glm::vec3(0.5f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(1.0f)});
+  s.meshes.push_back(quad("floor", {-2, 0, -2}, {0, 0, 4}, {4, 0, 0}, grey));
+  s.meshes.push_back(box("block", {{0.5f, 0.0f, -1.0f}, {1.0f, 0.5f, 1.0f}}, grey));
+  s.meshes.push_back(quad("lamp", {-2, 1, -2}, {0, 0, 4}, {4, 0, 0}, lamp));  // faces up
+  const RayTracer rays(s);
+  Tracer tracer(rays);
+  const Hit x = down(tracer, {0.0f, 0.1f, 0.0f});
+  Pcg32 random(3);
+  for (const Light light : {Light::all, Light::direct, Light::indirect})
+    for (int i = 0; i < 500; ++i) EXPECT_EQ(sample_irradiance(tracer, x, light, random), glm::vec3(0.0f));
+  EXPECT_EQ(gather(tracer, x, Strata::for_rays(256), 1).E, glm::vec3(0.0f));
+}
+
 // The furnace with a grey texture of value 188 on its white walls, or with walls of that grey.
 Scene grey_furnace(bool textured) {
   Scene s = make_scene("white_furnace");

@@ -14,6 +14,7 @@
 #include "core/random.h"
 #include "render/extrapolation.h"
 #include "render/hemisphere.h"
+#include "render/radius_rays.h"
 #include "render_support.h"
 #include "scene/directions.h"
 #include "temporal_scenes.h"
@@ -136,6 +137,25 @@ TEST(RadiusByGradients, BoundsRecordsOfVirtualLightsWhereverTheCameraIs) {
   EXPECT_FLOAT_EQ(R_of(6.0f, 2.0f, 0.5f), 4.0f / kTurnOfVpls);
   EXPECT_FLOAT_EQ(R_of(6.0f, 2.0f, 1e6f), kLimits.min);
   EXPECT_FLOAT_EQ(R_of(kInfinity, 2.0f, 0.0f), kLimits.max);
+}
+
+// Guards against: rays that the surface itself is in the way of, counted as if they saw far.
+TEST(RadiusByRays, RaysThatWereNotTracedDoNotCount) {
+  const RadiusRays radius(kRoom, kLimits);
+  const RayTracer rays(animated_room({}));
+  Tracer tracer(rays);
+  Hit hit{};
+  hit.n = {0, 1, 0};
+  hit.ng = -hit.n;
+  DistanceCodes none, codes;
+  radius.trace(tracer, hit, RadiusRays::kAll, none);
+  EXPECT_EQ(tracer.counts.total(), 0u);
+  codes.fill(120);
+  const float R = radius.radius(codes);
+  ASSERT_LT(kLimits.min, R);
+  ASSERT_LT(R, kLimits.max);
+  std::copy_n(none.begin(), 9, codes.begin());
+  EXPECT_FLOAT_EQ(radius.radius(codes), R);
 }
 
 bool is_zero(const IrradianceGradients& g) {

@@ -232,5 +232,24 @@ TEST(RenderVpl, AfterMotionTheSetIsThatOfAFreshStartAndReportsExactlyTheSlotsTha
   EXPECT_EQ(set.count(), count) << "slots leak";
 }
 
+// Guards against: light that a surface loses or gains for being shaded as if it were tilted.
+TEST(RenderVpl, ATiltedShadingNormalReflectsByItsCosine) {
+  const auto reflected = [](float tilt) {
+    Scene s;
+    s.name = "floor";
+    const auto grey = s.add_material({.albedo = glm::vec3(0.9f)});
+    s.meshes.push_back(quad("floor", {-1, 0, -1}, {0, 0, 2}, {2, 0, 0}, grey));
+    s.meshes.back().normals.assign(s.meshes.back().positions.size(), {std::sin(tilt), std::cos(tilt), 0.0f});
+    s.point_lights.push_back(
+        {.p = {0, 2, 0}, .intensity = glm::vec3(1), .cos_inner = 0.999f, .cos_outer = 0.998f});
+    const RayTracer rays(std::move(s));
+    const VplSet set = traced_set(rays, 4000, 1);
+    glm::dvec3 flux(0.0);
+    for (std::size_t slot = 0; slot < set.vpls().slots(); ++slot) flux += set.vpls()[slot].flux;
+    return flux.y;
+  };
+  EXPECT_NEAR(reflected(1.0f) / reflected(0.0f), std::cos(1.0), 0.02);
+}
+
 }  // namespace
 }  // namespace icbench

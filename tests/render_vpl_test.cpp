@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "lambert.h"
 #include "render/path.h"
 #include "render/vpl.h"
 #include "render/vpl_compensation.h"
@@ -202,6 +203,73 @@ TEST(RenderVpl, TheRaysThatMetSomethingAreAllThatCompensationNeeds) {
     some += all.met != 0 && std::popcount(all.met) < 30 ? 1 : 0;
   }
   EXPECT_GT(some, 20);
+}
+
+// Where the clamp takes all, compensation is path tracing: guards against a wrong weight at its later surfaces.
+TEST(RenderVpl, WhereTheClampTakesAllCompensationIsTheIndirectLight) {
+  const RayTracer rays(make_scene("white_furnace"));
+  Tracer tracer(rays);
+  const Hit hit = reflecting_hits(rays, 4)[5];
+  Estimate E;
+  for (std::uint64_t key = 0; key < 10'000; ++key)
+    E.add(compensate(tracer, hit, VplArrays(), 1e-8f, 4, key).E.y);
+  EXPECT_LT(E.error(), 0.01 * kPi * kRho);
+  EXPECT_NEAR(E.mean(), kPi * kRho, 4.0 * E.error());
+}
+
+// Guards against: light of a lamp that rays of compensation do not reach, weighted as if they did.
+TEST(RenderVpl, CompensationHasAllTheLightOfALampBeyondItsReach) {
+  constexpr float kClamp = 4.0f, kWall = 0.1f, kAlbedo = 0.5f;
+  Scene s;
+  s.name = "wall";
+  const auto grey = s.add_material({.albedo = glm::vec3(kAlbedo)});
+  const auto lamp = s.add_material({.emission = glm::vec3(1.0f)});
+  s.meshes.push_back(quad("wall", {kWall, 0, -5}, {0, 0, 10}, {0, 5, 0}, grey));  // faces -x
+  s.meshes.push_back(quad("lamp", {-0.9f, 0, -3}, {0, 6, 0}, {0, 0, 6}, lamp));   // faces it
+  const RayTracer rays(s);
+  Tracer tracer(rays);
+  ASSERT_LT(compensation_reach(kClamp), kWall + 0.9f);
+  const Polygon3 shines = {{-0.9, 0, -3}, {-0.9, 6, -3}, {-0.9, 6, 3}, {-0.9, 0, 3}};
+  Hit point{};
+  point.n = point.ng = {0, 1, 0};
+  Estimate compensated, expected;
+  Pcg32 random(3);
+  for (std::uint64_t key = 0; key < 20'000; ++key) {
+    compensated.add(compensate(tracer, point, VplArrays(), kClamp, 4, key).E.y);
+    const float u = random.uniform(), v = random.uniform();
+    const glm::vec3 d = cosine_direction(Basis(point.n), u, v);
+    const double t = d.x > 0.0f ? kWall / d.x : 1e9, G = d.y * d.x / (t * t);
+    expected.add(G > kClamp ? kAlbedo * (1.0 - kClamp / G) *
+                                  lambert({kWall, t * d.y, t * d.z}, {-1, 0, 0}, shines, 1.0)
+                            : 0.0);
+  }
+  const double error = std::hypot(compensated.error(), expected.error());
+  EXPECT_LT(error, 0.03 * expected.mean());
+  EXPECT_NEAR(compensated.mean(), expected.mean(), 4.0 * error);
+}
+
+// Guards against: lamps that shine to the back.
+TEST(RenderVpl, CompensationFindsNoLightBehindALamp) {
+  // A plate above a floor, and beside both a lamp that turns its back on them.
+  Scene s;
+  s.name = "gap";
+  const auto grey = s.add_material({.albedo = glm::vec3(0.5f)});
+  const auto lamp = s.add_material({.emission = glm::vec3(1.0f)});
+  s.meshes.push_back(quad("floor", {-1, 0, -1}, {0, 0, 2}, {2, 0, 0}, grey));
+  s.meshes.push_back(quad("plate", {-1, 0.2f, -1}, {1, 0, 0}, {0, 0, 2}, grey));
+  s.meshes.push_back(quad("lamp", {0.1f, 0, -1}, {0, 1, 0}, {0, 0, 2}, lamp));
+  const RayTracer rays(s);
+  Tracer tracer(rays);
+  Hit point{};
+  point.p = {-0.1f, 0, 0};
+  point.n = point.ng = {0, 1, 0};
+  std::uint64_t met = 0;
+  for (std::uint64_t key = 0; key < 200; ++key) {
+    const Compensation out = compensate(tracer, point, VplArrays(), 4.0f, 32, key);
+    met |= out.met;
+    EXPECT_EQ(out.E, glm::vec3(0.0f));
+  }
+  EXPECT_NE(met, 0u);
 }
 
 // Guards against: slopes of a sum that is constant, which would make edges of light where the clamp ends.

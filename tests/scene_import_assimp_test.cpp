@@ -28,6 +28,89 @@ TEST(ImportAssimp, AnObjFileComesWithItsMaterialsAndTextures) {
   expect_near(rays.emitted(tracer.intersect({{0.75f, 0.25f, 1}, 9.0f, {0, 0, 1}})), {2, 3, 4}, 1e-5f);
 }
 
+// Of what is seen from above, along -z.
+glm::vec3 albedo_at(const Scene& scene, float x, float y) {
+  const tbb::global_control serial(tbb::global_control::max_allowed_parallelism, 1);
+  const RayTracer rays(scene);
+  Tracer tracer(rays);
+  const Hit hit = tracer.intersect({{x, y, 2}, 9.0f, {0, 0, -1}});
+  return hit.missed() ? glm::vec3(-1.0f) : rays.albedo(hit);
+}
+
+TEST(ImportAssimp, TexturesAreTransformedAsTheFileSays) {
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  const auto read = [&](const char* transform) {
+    write(folder / "square.ac",
+          std::string("AC3Db\nMATERIAL \"m\" rgb 1 1 1 amb 0 0 0 emis 0 0 0 spec 0 0 0 shi 0 trans 0\n"
+                      "OBJECT world\nkids 1\nOBJECT poly\nname \"square\"\ntexture \"paint.png\"\n") +
+              transform +
+              "numvert 4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\n"
+              "refs 4\n0 0 0\n1 1 0\n2 1 1\n3 0 1\nkids 0\n");
+    return import_scene(folder / "square.ac").scene;
+  };
+  const Scene once = read(""), twice = read("texrep 2 1\n"), shifted = read("texrep 2 1\ntexoff 0.5 0\n");
+  const glm::vec3 left = albedo_at(once, 0.25f, 0.75f), right = albedo_at(once, 0.75f, 0.75f);
+  ASSERT_GT(glm::distance(left, right), 0.5f);
+  for (const float x : {0.125f, 0.625f}) {
+    expect_near(albedo_at(twice, x, 0.75f), left, 1e-5f);
+    expect_near(albedo_at(twice, x + 0.25f, 0.75f), right, 1e-5f);
+    expect_near(albedo_at(shifted, x, 0.75f), right, 1e-5f);
+    expect_near(albedo_at(shifted, x + 0.25f, 0.75f), left, 1e-5f);
+  }
+}
+
+// A square that shows its texture twice from left to right, in 3D Studio's way: around its centre. Its z is up.
+constexpr const char* kTiledSquare = R"(*3DSMAX_ASCIIEXPORT 200
+*MATERIAL_LIST { *MATERIAL_COUNT 1 *MATERIAL 0 { *MATERIAL_NAME "m" *MATERIAL_DIFFUSE 1 1 1
+*MAP_DIFFUSE { *BITMAP "paint.png" *UVW_U_TILING 2.0 *UVW_V_TILING 1.0 } } }
+*GEOMOBJECT { *NODE_NAME "square" *MESH { *MESH_NUMVERTEX 4 *MESH_NUMFACES 2
+*MESH_VERTEX_LIST { *MESH_VERTEX 0 0 0 0 *MESH_VERTEX 1 1 0 0 *MESH_VERTEX 2 1 0 1 *MESH_VERTEX 3 0 0 1 }
+*MESH_FACE_LIST { *MESH_FACE 0: A: 0 B: 1 C: 2
+*MESH_FACE 1: A: 0 B: 2 C: 3
+}
+*MESH_NUMTVERTEX 4
+*MESH_TVERTLIST { *MESH_TVERT 0 0 0 0 *MESH_TVERT 1 1 0 0 *MESH_TVERT 2 1 1 0 *MESH_TVERT 3 0 1 0 }
+*MESH_NUMTVFACES 2
+*MESH_TFACELIST { *MESH_TFACE 0 0 1 2 *MESH_TFACE 1 0 2 3 } }
+*MATERIAL_REF 0 }
+)";
+
+TEST(ImportAssimp, ThreeDStudioScalesTexturesAroundTheirCentre) {
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  write(folder / "square.ase", kTiledSquare);
+  const Scene scene = import_scene(folder / "square.ase").scene;
+  expect_near(albedo_at(scene, 0.125f, 0.75f), albedo_at(scene, 0.625f, 0.75f), 1e-5f);
+  expect_near(albedo_at(scene, 0.125f, 0.75f), {0, 1, 0}, 1e-5f);
+  expect_near(albedo_at(scene, 0.375f, 0.75f), {1, 0, 0}, 1e-5f);
+}
+
+TEST(ImportAssimp, ASphereIsPaintedFromPoleToPole) {
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  write(folder / "ball.nff", "f 1 1 1 1 0 0 0 1 paint.png\ns 0 0 0 1\n");  // without texture coordinates
+  const Scene scene = import_scene(folder / "ball.nff").scene;
+  EXPECT_GT(glm::distance(albedo_at(scene, 0.5f, -0.3f), albedo_at(scene, 0.5f, 0.3f)), 0.5f);
+}
+
+TEST(ImportAssimp, WhatTexturesCannotDoIsNamed) {
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  const auto read = [&](const char* more) {
+    write(folder / "square.mtl", std::string("newmtl paint\nKd 1 1 1\n") + more);
+    write(folder / "square.obj",
+          "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl paint\nf 1/1 2/2 "
+          "3/3\n");
+    return import_scene(folder / "square.obj");
+  };
+  EXPECT_FALSE(has_note(read("map_Kd paint.png\n"), "left out"));
+  EXPECT_TRUE(has_note(read("map_Kd -clamp on paint.png\n"), "wrap modes"));
+  EXPECT_TRUE(has_note(read("map_Kd paint.png\nmap_d paint.png\n"), "opacity maps"));
+  write(folder / "square.obj", "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl paint\nf 1 2 3\n");
+  EXPECT_TRUE(has_note(import_scene(folder / "square.obj"), "without texture coordinates"));
+}
+
 TEST(ImportAssimp, GlassHasTheIndexThatIsGivenOrThatOfGlass) {
   const TemporaryFolder folder;
   const auto read = [&](const char* ior) {

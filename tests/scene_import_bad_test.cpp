@@ -70,7 +70,7 @@ TEST(ImportBadGltf, TheElementIsNamed) {
       {[](json& d) { d["bufferViews"][1]["byteOffset"] = 9007199254740992u; }, "bufferViews[1] reaches"},
       {[](json& d) { d["bufferViews"][1]["byteStride"] = 1; }, "bufferViews[1].byteStride is 1"},
       {[](json& d) { d["buffers"][0]["byteLength"] = 1u << 30; }, "buffers[0] has"},
-      {[](json& d) { d["buffers"][0]["uri"] = "absent.bin"; }, "buffers[0].uri"},
+      {[](json& d) { d["buffers"][0]["uri"] = "absent.bin"; }, "buffers[0].uri: cannot read"},
       {[](json& d) { d["buffers"][0]["uri"] = "https://example.org/a.bin"; }, "is not a local file"},
       {[](json& d) { d["buffers"][0]["uri"] = "data:application/octet-stream;base64,%%%"; }, "is not base64"},
       {[](json& d) {

@@ -34,6 +34,11 @@ TEST(ImportGltf, TextAndBinaryGiveTheSameScene) {
   }
 }
 
+TEST(ImportGltf, WhatFollowsABinaryFileIsNoneOfIt) {
+  EXPECT_EQ(import_text("scene.glb", spinning_cube().glb() + "\n").scene.meshes.size(),
+            import_gltf(spinning_cube()).scene.meshes.size());
+}
+
 TEST(ImportGltf, AnAnimatedFileRendersFrameByFrame) {
   ImportedScene imported = import_gltf(spinning_cube());
   EXPECT_EQ(imported.scene.frames, 48u);
@@ -432,6 +437,13 @@ TEST(ImportGltf, WhatIsApproximatedIsNamed) {
   const ImportedScene plain = import_gltf(spinning_cube());
   for (const char* note : {"gloss", "as glass", "scenes beside", "without a picture"})
     EXPECT_FALSE(has_note(plain, note)) << note;
+}
+
+TEST(ImportGltf, ATextureWithoutCoordinatesIsNamed) {
+  GltfFile f = spinning_cube();
+  for (json& mesh : f.doc["meshes"]) mesh["primitives"][0]["attributes"].erase("TEXCOORD_0");
+  EXPECT_TRUE(has_note(import_gltf(f), "without texture coordinates"));
+  EXPECT_FALSE(has_note(import_gltf(spinning_cube()), "without texture coordinates"));
 }
 
 TEST(ImportRegistry, MakeSceneTakesFilesAndKeepsItsErrors) {

@@ -49,6 +49,9 @@ TEST(Triangulate, CoversHardPolygonsExactly) {
   EXPECT_NEAR(
       covered({{0, 0, 0}, {1, 0, 0}, {1, 0, 0}, {2, 0, 0}, {2, 2, 0}, {1, 2, 0}, {0, 2, 0}, {0, 1, 0}}), 4.0,
       1e-9);
+  // Corners twice, in the way of others.
+  EXPECT_NEAR(covered({{1, 1, 0}, {1, 1, 0}, {1, 2, 0}, {2, 1, 0}, {2, 1, 0}, {2, 3, 0}, {0, 3, 0}}), 2.5,
+              1e-9);
   // Two holes by two seams from one corner.
   EXPECT_NEAR(covered({{0, 0, 0},
                        {9, 0, 0},

@@ -42,10 +42,13 @@ void expect_bad_usage(const std::string& arguments, const std::string& hint) {
 
 TEST(StressProgram, BadUsageIsOneLineWithTheNearestMatch) {
   expect_bad_usage("--caches wait_fre", "did you mean 'wait_free'");
-  expect_bad_usage("--caches wait_free,", "unknown cache ''");
+  expect_bad_usage("--caches wait_free,", "has an empty item");
+  expect_bad_usage("--caches wait_free,wait_free", "--caches names wait_free twice");
   expect_bad_usage("--check linearizible", "did you mean 'linearizable'");
   expect_bad_usage("--thread 4", "did you mean '--threads'");
   expect_bad_usage("--threads 1", "--threads");
+  expect_bad_usage("--threads", "--threads needs a value");
+  expect_bad_usage("--threads 2 --threads 3", "--threads is given more than once");
   expect_bad_usage("--threads many", "--threads");
   expect_bad_usage("--threads 0x10", "--threads");
   expect_bad_usage("--operations 0", "--operations");

@@ -217,5 +217,86 @@ TEST(TemporalRecords, StayWhereWhatHidesMuchRests) {
   EXPECT_GT(tried, 6u);
 }
 
+// Guards against: dropping what others make superfluous, and changing the picture, where nothing changes.
+TEST(TemporalRecords, AllThatAreUsedStayWhereAllRests) {
+  Film film(animated_room({}, 12), "sequential", 1, 64, 48, 0.05f, 16);
+  std::uint64_t dropped = 0;
+  for (std::uint32_t frame = 0; frame < 12; ++frame) {
+    film.begin(frame);
+    film.render(frame);
+    dropped += film.pass->figures().records_dropped;
+    EXPECT_EQ(film.pass->figures().use.inserts > 0, frame == 0);
+  }
+  EXPECT_EQ(dropped, 0u);
+  EXPECT_GT(film.pass->figures().records, 300u);
+}
+
+// Guards against: keeping, or counting wrongly, records for which there was no room beside the cache.
+TEST(TemporalRecords, ThoseWithoutRoomBesideTheCacheLastForOneFrame) {
+  // Through a pane before the camera a pixel sees more hits than there are ids for.
+  Scene scene = animated_room({.rigid = true}, 64);
+  const auto glass = scene.add_material({.albedo = glm::vec3(1.0f), .surface = Surface::dielectric});
+  scene.meshes.push_back(box("pane", {{-0.9f, 0.1f, 0.8f}, {0.9f, 1.9f, 0.85f}}, glass));
+  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::gradients}) {
+    Film film(scene, "sequential", 1, 16, 12, 0.003f, 16, level);
+    std::uint64_t before = 0, homeless = 0;
+    for (std::uint32_t frame = 0; frame < 4; ++frame) {
+      SCOPED_TRACE(frame);
+      film.begin(frame);
+      ASSERT_EQ(film.difference(), "") << "begun";
+      film.pass->for_each_record([](const Record& r) { EXPECT_NE(r.id, RecordTable::kNone); });
+      film.render(frame);
+      ASSERT_EQ(film.difference(), "") << "rendered";
+      film.pass->for_each_record([&](const Record& r) { homeless += r.id == RecordTable::kNone; });
+      const PassFigures f = film.pass->figures();
+      EXPECT_EQ(f.records_kept + f.records_updated + f.records_dropped, before);
+      EXPECT_EQ(f.records, before - f.records_dropped + f.use.inserts);
+      before = f.records;
+    }
+    EXPECT_GT(homeless, 20u) << "all had room";
+  }
+}
+
+// Guards against: counting records that are gone, and never using their ids again.
+TEST(TemporalRecords, ThoseThatTheCacheDoesNotTakeAgainAreDropped) {
+  RayTracer rays(animated_room({.rigid = true}, 16));
+  ThreadCrew crew(rays, 1);
+  PassSetup setup{rays, crew, kWidth, kHeight};
+  setup.vpls = 16;
+  TemporalSource source(setup);
+  const PrimaryHits primary = primary_hits(rays, kWidth, kHeight);
+  Tracer tracer(rays);
+  source.begin_frame({}, crew);
+  std::vector<Record> records;
+  for (std::uint32_t pixel = 0; pixel < primary.hits.size(); ++pixel) {
+    const Visible x = primary.at(pixel, 0);
+    if (!reflects(rays, x.hit)) continue;
+    records.push_back(source.evaluate(0, tracer, x, {}));
+    source.settle(0, records.back(), InsertResult::inserted);
+  }
+  std::uint64_t refused = 0;
+  const auto figures = [&source] {
+    PassFigures f;
+    source.report(f);
+    return f;
+  };
+  for (const float frame : {1.0f, 2.0f, 3.0f}) {
+    const std::uint64_t before = records.size();
+    ASSERT_EQ(source.begin_frame(rays.go_to(frame), crew), RecordsThen::update);
+    std::erase_if(records, [&](Record& r) { return source.update(r) == UpdateResult::drop; });
+    source.updated();
+    for (const Record& r : source.to_insert()) source.refused(r);
+    refused += source.to_insert().size();
+    EXPECT_EQ(figures().records_kept + figures().records_updated, records.size());
+    EXPECT_EQ(figures().records_dropped, before - records.size());
+    for (int still = 0; still < 2; ++still) {
+      for (const Record& r : records) source.used(r);
+      ASSERT_EQ(source.begin_frame({}, crew), RecordsThen::stay);
+      EXPECT_EQ(figures().records_kept, records.size());
+    }
+  }
+  EXPECT_GT(refused, 5u);
+}
+
 }  // namespace
 }  // namespace icbench

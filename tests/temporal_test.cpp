@@ -188,6 +188,66 @@ TEST(Temporal, NothingDriftsOverManyFrames) {
   EXPECT_EQ(film.pass->figures().bytes_beside_cache, bytes) << "ids of dropped records are not used again";
 }
 
+// Guards against: rays of compensation that are not traced again where what they meet was black.
+TEST(Temporal, WhatWasBlackReflectsOnceItIsNot) {
+  Scene scene = animated_room({}, 4);
+  scene.change_light = [red = scene.meshes[2].material](float frame, std::span<Material> materials,
+                                                        std::span<PointLight>) {
+    materials[red].albedo = glm::vec3(frame == 1.0f ? 0.0f : 0.6f);
+  };
+  ASSERT_EQ(scene.meshes[2].name, "block");
+  Film film(scene, "sequential", 1);
+  for (std::uint32_t frame = 0; frame < 4; ++frame) {
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "") << frame;
+    film.render(frame);
+  }
+}
+
+// Guards against: paths of point lights that are kept though those moved, where no material says that light changed.
+TEST(Temporal, WhatPointLightsLitIsLitAnewAsTheyMove) {
+  Scene scene = animated_room({}, 4);
+  scene.point_lights.push_back({.p = {0.2f, 1.0f, 0.2f}, .intensity = glm::vec3(1.0f)});
+  scene.change_light = [](float frame, std::span<Material>, std::span<PointLight> lights) {
+    lights[0].p.x = 0.1f * frame;
+  };
+  Film film(scene, "sequential", 1);
+  for (std::uint32_t frame = 0; frame < 4; ++frame) {
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "") << frame;
+    film.render(frame);
+  }
+}
+
+// Guards against: light that left an open scene, and nothing that notes where it went.
+TEST(Temporal, WhatMovesIntoTheWayOfLightThatLeftTheSceneIsLit) {
+  Scene scene;
+  scene.name = "yard";
+  scene.frames = 16;
+  const auto grey = scene.add_material({.albedo = glm::vec3(0.7f)});
+  const auto lamp = scene.add_material({.emission = glm::vec3(20.0f)});
+  scene.meshes.push_back(quad("ground", {-1, 0, -1}, {0, 0, 2}, {2, 0, 0}, grey));
+  scene.meshes.push_back(quad("lamp", {-0.1f, 0.5f, -0.1f}, {0.2f, 0, 0}, {0, 0, 0.2f}, lamp));
+  scene.meshes.push_back(box("cloud", {{-0.5f, -0.1f, -0.5f}, {0.5f, 0.1f, 0.5f}}, grey));
+  scene.meshes.back().pose = [](float frame) {
+    return Pose{glm::mat3(1.0f), {3.0f - 0.4f * frame, 3.0f, 0.0f}};
+  };
+  scene.camera = {.eye = {0, 1.5f, 6}, .target = {0, 1.5f, 0}, .up = {0, 1, 0}, .fov_y = 0.7f};
+  Film film(scene, "sequential", 1);
+  std::uint64_t retraced = 0, paths = 0;
+  for (std::uint32_t frame = 0; frame < 16; ++frame) {
+    film.begin(frame);
+    ASSERT_EQ(film.difference(), "") << frame;
+    film.render(frame);
+    const PassFigures f = film.pass->figures();
+    if (frame == 0) continue;
+    retraced += f.light_paths_retraced;
+    paths += f.light_paths;
+  }
+  EXPECT_GT(retraced, 0u);
+  EXPECT_LT(4 * retraced, paths);
+}
+
 TEST(Temporal, ItsPicturesAreThoseOfStaticInstantCaching) {
   const Scene scene = animated_room({true, true, false, false, false});
   Film film(scene, "sequential", 1, 64, 48, 0.15f);

@@ -1,6 +1,9 @@
 // Pictures of many samples and of many frames.
 #include <gtest/gtest.h>
 
+#include <numeric>
+#include <vector>
+
 #include "harness/thread_team.h"
 #include "scene/room.h"
 #include "scene/shapes.h"
@@ -31,6 +34,25 @@ TEST(Frames, TheMeanOfManyEqualSamplesIsTheirs) {
   renderer.render(0);
   const glm::vec3 mean = renderer.picture().pixels.at(0);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[c] / emission[c], 1.0f, 1e-6f);
+}
+
+// Guards against: progress that is told of indirect light alone, so that the time left is reckoned from a tile although
+// all of them have been seen, and a picture of seconds seems to take hours.
+TEST(Frames, ProgressIsToldAsTilesAreSeen) {
+  Scene s;
+  const auto lamp = s.add_material({.emission = glm::vec3(1)});
+  s.meshes.push_back(quad("lamp", {-9, -9, 0}, {18, 0, 0}, {0, 18, 0}, lamp));
+  RayTracer rays(std::move(s));
+  ThreadTeam team(Topology::of_this_process(), Placement::none, 1);
+  FrameRequest request = request_of(rays, team, "whitted");
+  request.width = request.height = 40;
+  request.spp = 2;
+  std::vector<double> told;
+  request.progress = [&](double work) { told.push_back(work); };
+  const double tiles = frame_work(request);
+  FrameRenderer(request).render(0);
+  EXPECT_EQ(told.size(), 2 * tiles) << "once as a tile is seen, once as it is lit";
+  EXPECT_EQ(std::accumulate(told.begin(), told.end(), 0.0), tiles);
 }
 
 /// A corridor with lamps, through which the camera moves `step` metres a frame: little of what a frame sees was near

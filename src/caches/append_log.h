@@ -208,8 +208,8 @@ class AppendLog {
     });
   }
 
-  // The log cannot be asked for memory from several threads at once.
-  void prefault(State& s, std::uint32_t n) noexcept { s.own.reserve(n); }
+  // The log cannot be asked for memory from several threads at once. More than the capacity is never needed.
+  void prefault(State& s, std::uint32_t n) noexcept { s.own.reserve(std::min(n, config_.capacity)); }
 
   void empty_log() {
     log_.clear();

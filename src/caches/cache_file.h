@@ -125,16 +125,17 @@ class CacheFile {
     return failed;
   }
 
-  /// Of the cache that was saved.
+  /// Of the cache that was saved, but for large_pages, which is a matter of the machine.
   const CacheConfig& config() const noexcept { return config_; }
   const CacheContent& content() const noexcept { return content_; }
   std::uint64_t records() const noexcept { return records_; }
 
   /// Calls f(const Record&) for all records, in the order they were saved in. Each is storable (is_storable) in the
-  /// bounds. Fails, after some records, only if the file has changed since it was opened.
+  /// bounds. Fails if no file is open, and after some records if it has changed since it was opened.
   template <class F>
   [[nodiscard]] Failure for_each_record(F&& f) {
     using namespace cache_file;
+    if (file_.get() < 0) return failure("it is not open");
     std::array<unsigned char, kAtOnce * kRecordBytes> bytes;
     Crc64 crc;
     std::optional<std::uint64_t> unusable;

@@ -25,6 +25,7 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/vfs.h>
 #include <unistd.h>
 
 #include <array>
@@ -271,11 +272,26 @@ class Replacement {
     return slash == target_.npos ? "." : target_.substr(0, slash + 1);
   }
 
-  // Another name of an open file, which has one of its own or none.
+  // Another name of an open file, which has one of its own or none: somewhere on the way there is a link in /proc,
+  // whatever the path is called.
   bool names_a_descriptor() const {
-    const std::string_view path = path_;
-    return path == "/dev/stdout" || path == "/dev/stderr" || path.starts_with("/dev/fd/") ||
-           path.starts_with("/proc/self/fd/");
+    constexpr int kMostLinks = 40;  // that the system follows
+    constexpr int kProc = 0x9fa0;   // the number of that file system
+    std::string at = path_;
+    if (at == "-") return true;
+    for (int i = 0; i < kMostLinks; ++i) {
+      Descriptor link;
+      link.reset(::open(at.c_str(), O_PATH | O_NOFOLLOW | O_CLOEXEC));
+      struct statfs there {};
+      if (link.get() < 0 || ::fstatfs(link.get(), &there) != 0) return false;
+      if (there.f_type == kProc) return true;
+      std::array<char, 4096> to;
+      const ssize_t length = ::readlinkat(link.get(), "", to.data(), to.size());
+      if (length <= 0) return false;  // the end of the way
+      at.erase(to[0] == '/' ? 0 : at.rfind('/') + 1);
+      at.append(to.data(), static_cast<std::size_t>(length));
+    }
+    return false;
   }
 
   // Whether `make` made something of a name of its own, whoever else is writing a file of that path: in another thread,

@@ -123,9 +123,11 @@ class Locked {
     return tickets_.insert(purse_, [&] { return structure_.insert(workspace_, r, s.counters); });
   }
 
-  // All sessions share one workspace, so each touches what lies behind the others' share.
+  // All sessions share one workspace, so each touches what lies behind the others' share. Nothing is taken by it, so
+  // that the capacity bounds it.
   void prefault(State& s, std::uint32_t n) noexcept {
     typename Policy::Write scope(mutex_, s.counters);
+    n = std::min(n, config_.capacity - prefaulted_);
     structure_.touch(prefaulted_, n);
     prefaulted_ += n;
   }
@@ -137,7 +139,7 @@ class Locked {
   alignas(kNoSharing) Tickets tickets_;
   typename Tickets::Purse purse_;
   typename Structure::Workspace workspace_;
-  std::uint32_t prefaulted_ = 0;  // records that sessions have touched memory for
+  std::uint32_t prefaulted_ = 0;  // records that sessions have touched memory for, at most the capacity
   Structure structure_;
 };
 

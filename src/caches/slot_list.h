@@ -91,9 +91,9 @@ class SlotPool {
 
   static constexpr std::uint32_t slots_of(int kind) noexcept { return kFirst << kind; }
   static constexpr std::uint32_t units_of(int kind) noexcept {
-    const std::uint32_t bytes = kind == kDirectory ? (1u << kFanBits) * sizeof(UnitIndex)
-                                                   : slots_of(kind) * (sizeof(Mark) + sizeof(Item));
-    return 1 + (bytes + kUnitBytes - 1) / kUnitBytes;
+    const std::size_t bytes = kind == kDirectory ? (std::size_t{1} << kFanBits) * sizeof(UnitIndex)
+                                                 : slots_of(kind) * (sizeof(Mark) + sizeof(Item));
+    return static_cast<std::uint32_t>(1 + (bytes + kUnitBytes - 1) / kUnitBytes);
   }
   static constexpr std::uint32_t kPiece = 1024;  // 16 KiB
   static constexpr std::uint32_t kSpareUnits = [] {
@@ -292,7 +292,7 @@ class SlotPool {
 
   static Address address_of(std::uint32_t i) noexcept {
     if (i < kInChunks) {
-      const int k = std::bit_width(i / kFirst + 1) - 1;
+      const int k = static_cast<int>(std::bit_width(i / kFirst + 1)) - 1;  // unsigned in older libraries
       return {k, i - kFirst * ((1u << k) - 1)};
     }
     i -= kInChunks;

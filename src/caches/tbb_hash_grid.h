@@ -91,23 +91,28 @@ class TbbHashGrid {
   /// Builds all anew if anything is dropped, else brings the copies in cells up to date. Quiescent.
   template <class F>
   void update(F&& f) {
+    // Memory first: if there is none, nothing has changed. Copies that f's changes did not reach would show what is no
+    // more.
     std::vector<UpdateResult> verdicts(records_.size(), UpdateResult::keep);
+    std::vector<Record> kept;
+    kept.reserve(verdicts.size());
+    std::vector<Cell*> cells;
+    for (auto& [key, cell] : cells_) cells.push_back(&cell);
     FirstException exception;
     exception.guard([&] {
       parallel_chunks(records_.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
         for (std::size_t i = first; i < last; ++i) verdicts[i] = f(records_[i].record);
       });
     });
-    std::vector<Record> kept;
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       if (verdicts[i] == UpdateResult::keep) kept.push_back(records_[i].record);
     }
     // The cells' copies follow, also where f threw.
     if (kept.size() == verdicts.size()) {
-      renew_copies();
+      renew_copies(cells);
     } else {
       clear();
-      parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
+      parallel_chunks(kept.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) noexcept {
         for (std::size_t i = first; i < last; ++i) insert(kept[i]);
       });
     }
@@ -188,10 +193,8 @@ class TbbHashGrid {
     stored.mark.store(true, std::memory_order_release /* P1 */);
   }
 
-  /// Brings those in cells up to date.
-  void renew_copies() {
-    std::vector<Cell*> cells;
-    for (auto& [key, cell] : cells_) cells.push_back(&cell);
+  /// Brings those in `cells` up to date.
+  static void renew_copies(std::span<Cell* const> cells) {
     parallel_chunks(cells.size(), kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i)
         for (Entry& entry : cells[i]->entries) entry.record = entry.stored->record;

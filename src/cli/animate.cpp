@@ -145,8 +145,9 @@ void animate_command(const AnimateOptions& o) {
   json["frames"] = std::move(per_frame);
   if (!o.json.empty()) write_json(o.json, json);
   if (tells_figures(o.json)) {
-    fmt::print("{}: {} frames in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
-               keeps ? o.out : o.scene, rendered.size(), total.seconds, total.seconds_indirect);
+    fmt::print("{}: {} frame{} in {:.2f} s, {:.3f} s of them for the integrator's own pass\n",
+               keeps ? o.out : o.scene, rendered.size(), rendered.size() == 1 ? "" : "s", total.seconds,
+               total.seconds_indirect);
   }
   judge_room(setup.request(), total.pass.use);
 }

@@ -35,8 +35,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 struct CompareOptions {
-  std::string reference, image;
-  std::vector<std::string> metrics = {"rmse", "relmse", "mean_ratio", "flip"};
+  std::string reference, image, metrics = "rmse,relmse,mean_ratio,flip";
   std::string json, map;
   Viewing viewing;
   const CLI::App* given_to = nullptr;
@@ -58,7 +57,9 @@ void tell_viewing_without_effect(const CompareOptions& o, const std::vector<cons
   }
 }
 
-std::vector<const Metric*> find_metrics(const std::vector<std::string>& names) {
+std::vector<const Metric*> find_metrics(const std::string& list) {
+  const std::vector<std::string> names = split_list("--metrics", list);
+  require_distinct("--metrics", names);
   std::vector<const Metric*> found;
   for (const std::string& name : names) {
     const Metric* metric = find_metric(name);
@@ -414,11 +415,7 @@ void add_compare(CLI::App& app) {
                    "where no frame follows another")
       ->type_name("PATH")
       ->required();
-  command->add_option("--metrics", options->metrics, help)
-      ->type_name("LIST")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->capture_default_str();
+  command->add_option("--metrics", options->metrics, help)->type_name("LIST")->capture_default_str();
   add_file(command, "--json", options->json, "Write the figures to this file");
   command
       ->add_option("--map", options->map,

@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/compare.h"
+#include "cli/options.h"
 #include "core/names.h"
 #include "files/output_file.h"
 #include "files/standard_streams.h"
@@ -118,7 +119,7 @@ int run(int argc, char** argv) {
     std::string commands;
     for (auto at = app.get_subcommands(); !at.empty(); at = at[0]->get_subcommands())
       commands += at[0]->get_name() + " ";
-    return report(fmt::format("{}; see icbench {}--help", e.what(), commands), 2);
+    return report(fmt::format("{}; see icbench {}--help", line_of(e), commands), 2);
   } catch (const CheckFailed& e) {
     return report(e.what(), 1);
   } catch (const std::bad_alloc&) {

@@ -129,6 +129,15 @@ inline CLI::Option* add_file(CLI::App* app, const std::string& name, std::string
   return app->add_option(name, path, help)->check(is_named)->type_name("FILE");
 }
 
+/// What to say of an error. CLI11 counts values where one is missing or an option is repeated: "1 required N missing".
+inline std::string line_of(const std::exception& e) {
+  const std::string text = e.what();
+  if (dynamic_cast<const CLI::ArgumentMismatch*>(&e) == nullptr) return text;
+  const std::string option = text.substr(0, text.find(": "));
+  if (text.ends_with(" missing")) return fmt::format("{} needs a value", option);
+  return text.find("At Most") == text.npos ? text : fmt::format("{} is given more than once", option);
+}
+
 /// Names an option on standard error that was given and has no effect `where`; bad usage is to be told before, in one
 /// line.
 inline void tell_without_effect(std::string_view program, std::string_view option, std::string_view where) {

@@ -187,7 +187,9 @@ void render_command(const RenderOptions& o) {
   if (tells_figures(o.json)) {
     fmt::print("{}: {:.2f} s, {:.1f} million rays a second{}\n", o.out, cost.seconds,
                1e-6 * static_cast<double>(cost.rays.total()) / cost.seconds,
-               integrator.needs_cache() ? fmt::format(", {} records", cost.pass.records) : "");
+               integrator.needs_cache()
+                   ? fmt::format(", {} record{}", cost.pass.records, cost.pass.records == 1 ? "" : "s")
+                   : "");
     if (cost.residual) fmt::print("{}", told(*cost.residual));
   }
   judge_room(setup.request(), cost.pass.use);

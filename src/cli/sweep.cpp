@@ -90,6 +90,10 @@ void tell_options_without_effect(const SweepOptions& o, const SweepRequest& requ
     tell_without_effect("icbench", "--timeline-events", "without --timeline");
   if (o.breakdown && is_given("--latency-every"))
     tell_without_effect("icbench", "--latency-every", "with --breakdown, which times every operation");
+  for (const char* mode : {"--dry-run", "--list"})
+    for (const char* option : {"--resume", "--timeline"})
+      if (is_given(mode) && is_given(option))
+        tell_without_effect("icbench", option, fmt::format("with {}, which is of the whole sweep", mode));
   const auto is_rendered = [](const WorkloadSpec& w) { return w.kind == WorkloadKind::ray_traced; };
   if (is_given("--reference-spp") &&
       std::none_of(request.workloads.begin(), request.workloads.end(), is_rendered))
@@ -187,8 +191,10 @@ void sweep_command(const SweepOptions& o) {
     throw std::runtime_error(
         "--timeline draws one workload with one cache on one number of threads; name one of each");
   }
-  if (o.list) return print_names(sweep);
-  if (o.dry_run) return estimate(sweep, topology);
+  if (o.list || o.dry_run) {
+    tell_options_without_effect(o, request);
+    return o.list ? print_names(sweep) : estimate(sweep, topology);
+  }
   context["work_calibration"] = sweep.work().calibration().to_json();
   context["tick_rate"] = sweep.tick_rate().to_json();
   if (o.breakdown) {
@@ -286,8 +292,8 @@ void add_sweep(CLI::App& app) {
       ->type_name("FILE")
       ->capture_default_str();
   sweep->add_flag("--resume", o->resume, "Go on with the interrupted sweep of --out");
-  CLI::Option* dry_run =
-      sweep->add_flag("--dry-run", o->dry_run, "Estimate the time; measure and write nothing");
+  CLI::Option* dry_run = sweep->add_flag("--dry-run", o->dry_run,
+                                         "Estimate the time from a trial of each workload; write nothing");
   sweep->add_flag("--list", o->list, "Print the name of every point; measure and write nothing")
       ->excludes(dry_run);
   o->given_to = sweep;

@@ -283,8 +283,8 @@ void add_capture(CLI::App& trace) {
   const auto o = std::make_shared<CaptureOptions>();
   CLI::App* capture = trace.add_subcommand("capture", "Render, and keep what was asked of the cache");
   add_frame_options(capture, *o);
-  // Pictures are not kept, and those in waves ask by no thread of their own.
-  for (const char* name : {"--exposure", "--deterministic"})
+  // Pictures are not kept, those in waves ask by no thread of their own, and hash cells ask no cache.
+  for (const char* name : {"--exposure", "--deterministic", "--cell-size", "--paths"})
     capture->remove_option(capture->get_option(name));
   add_whole(capture, "--frames", o->frames, 1u, 1u << 24, "Frames from 0 on, one after the other");
   capture->add_option("--out", o->out, "The trace; it appears when it is whole")

@@ -112,8 +112,10 @@ inline LargePages large_pages_of(const CacheConfig& config) noexcept {
   return large_pages_of(config.large_pages, config.capacity);
 }
 
-/// A capacity that holds `records` for certain, although every session may be left with tickets it does not use.
+/// A capacity that holds `records` for certain, although every session may be left with tickets it does not use; the
+/// greatest there is if that is less.
 inline std::uint32_t capacity_for(std::uint64_t records, std::uint32_t sessions) noexcept {
+  if (records > kMaxCapacity) return kMaxCapacity;
   const std::uint64_t wanted = records + std::uint64_t{sessions} * kTicketBatch;
   return wanted < kMaxCapacity ? static_cast<std::uint32_t>(wanted) : kMaxCapacity;
 }

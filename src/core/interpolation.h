@@ -148,14 +148,17 @@ struct RadiusLimits {
   float min;
   float max;
 
-  /// Limits for a scene: `min` at least kMinRadiusShare of the largest coordinate.
+  /// Limits for a scene, shares of its diagonal: `min` at least kMinRadiusShare of the largest coordinate.
   static RadiusLimits for_scene(const Bounds& b, float min_share, float max_share) noexcept {
     const glm::vec3 size = b.upper - b.lower;
-    const float diagonal = std::sqrt(glm::dot(size, size));
+    // In units of a power of two near the longest side: exact, and no square overflows or vanishes.
+    const float longest = std::max({size.x, size.y, size.z});
+    const float unit = longest > 0.0f ? std::ldexp(1.0f, std::ilogb(longest)) : 1.0f;
+    const float diagonal = std::sqrt(glm::dot(size / unit, size / unit));
     const glm::vec3 reach = glm::max(glm::abs(b.lower), glm::abs(b.upper));
     const float floor = kMinRadiusShare * std::max({reach.x, reach.y, reach.z});
-    const float low = std::max(min_share * diagonal, floor);
-    return {low, std::max(max_share * diagonal, low)};
+    const float low = std::max(min_share * diagonal * unit, floor);
+    return {low, std::max(max_share * diagonal * unit, low)};
   }
 
   /// Clamps R into [min, max]; NaN (a gather that saw nothing) becomes max.

@@ -28,8 +28,12 @@ inline std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// The name closest to `word`, the first of equals; empty if none shares half of its letters with it.
+/// The name closest to `word`, the first of equals: one that begins with it, else one that shares half of its letters;
+/// empty if there is none.
 inline std::string_view nearest(std::string_view word, std::span<const std::string_view> names) {
+  const auto goes_on = [&](std::string_view name) { return name.starts_with(word); };
+  if (const auto at = std::find_if(names.begin(), names.end(), goes_on); at != names.end() && !word.empty())
+    return *at;
   std::string_view best;
   std::size_t best_distance = 0;
   for (const std::string_view name : names) {

@@ -38,8 +38,9 @@ const char* remedy(int code) noexcept {
   }
 }
 
-/// N for /dev/fd/N and its other names, if `path` is one.
+/// N for /dev/fd/N and its other names, if `path` is one; "-" is standard output, as for most programs.
 std::optional<int> named_descriptor(const fs::path& path) {
+  if (path == "-") return STDOUT_FILENO;
   const std::string text = path.lexically_normal().string();
   if (text == "/dev/stdout") return STDOUT_FILENO;
   if (text == "/dev/stderr") return STDERR_FILENO;

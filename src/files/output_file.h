@@ -35,7 +35,7 @@ Descriptor lock_folder(const std::filesystem::path& folder);
 /// Whether `path` is to be written in place: it exists and is no regular file, or names an open descriptor.
 bool is_written_in_place(const std::filesystem::path& path);
 
-/// Opens such a target. /dev/stdout and the like continue at the stream's own position.
+/// Opens such a target. /dev/stdout, "-" and the like continue at the stream's own position.
 Descriptor open_in_place(const std::filesystem::path& path);
 
 /// Writes all of `text`, waiting where the target is slow. `path` is for the message.

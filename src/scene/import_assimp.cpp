@@ -1,6 +1,7 @@
 // Every format that assimp reads. assimp trusts what it reads, so it reads in a child process first
 // (import_trial.h).
 #include <assimp/GltfMaterial.h>
+#include <assimp/commonMetaData.h>
 #include <assimp/config.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
@@ -13,6 +14,7 @@
 #include <new>
 #include <set>
 #include <stdexcept>
+#include <string_view>
 
 #include "core/fp_traps.h"
 #include "files/input_file.h"
@@ -25,7 +27,7 @@ namespace {
 
 constexpr unsigned kSteps = aiProcess_Triangulate | aiProcess_JoinIdenticalVertices |
                             aiProcess_GenSmoothNormals | aiProcess_SortByPType |
-                            aiProcess_ValidateDataStructure | aiProcess_GlobalScale;
+                            aiProcess_ValidateDataStructure | aiProcess_GlobalScale | aiProcess_GenUVCoords;
 // assimp's share: this much at least, or so many times the file.
 constexpr std::size_t kMemory = std::size_t{1} << 30, kMemoryPerByte = 100;
 constexpr unsigned kSeconds = 2;  // of processor time, and one more for each
@@ -48,6 +50,9 @@ class AssimpReader {
   AssimpReader(const aiScene& from, const std::filesystem::path& file)
       : from_(from), folder_(file.parent_path()) {
     model_.file = file.string();
+    aiString importer;
+    if (from.mMetaData && from.mMetaData->Get(AI_METADATA_SOURCE_FORMAT, importer))
+      format_ = importer.C_Str();
   }
 
   Model read() {
@@ -103,29 +108,61 @@ class AssimpReader {
     if (m.surface == Surface::diffuse && material.Get(AI_MATKEY_COLOR_SPECULAR, gloss) == AI_SUCCESS &&
         !gloss.IsBlack())
       model_.notes.drop("gloss");
-    read_textures(material, m);
+    paintings_.push_back(read_textures(material, m));
     model_.materials.push_back(to);
   }
 
-  void read_textures(const aiMaterial& material, Material& m) {
+  // What makes of a mesh's texture coordinates those of its material's texture.
+  struct Painting {
+    unsigned set = 0;
+    glm::dmat3 transform{1.0};
+  };
+
+  Painting read_textures(const aiMaterial& material, Material& m) {
     if (material.GetTextureCount(aiTextureType_NORMALS) + material.GetTextureCount(aiTextureType_HEIGHT) > 0)
       model_.notes.drop("normal maps");
     if (material.GetTextureCount(aiTextureType_EMISSIVE) > 0) model_.notes.drop("emissive textures");
+    if (material.GetTextureCount(aiTextureType_OPACITY) > 0) model_.notes.drop("opacity maps");
     if (m.surface != Surface::diffuse) {
       if (material.GetTextureCount(aiTextureType_BASE_COLOR) +
               material.GetTextureCount(aiTextureType_DIFFUSE) >
           0)
         model_.notes.drop("base-colour textures of mirrors and glass");
-      return;
+      return {};
     }
     for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE}) {
       aiString path;
-      if (material.GetTexture(type, 0, &path) != AI_SUCCESS || path.length == 0) continue;
+      unsigned set = 0;
+      aiTextureMapMode ways[3] = {aiTextureMapMode_Wrap, aiTextureMapMode_Wrap, aiTextureMapMode_Wrap};
+      if (material.GetTexture(type, 0, &path, nullptr, &set, nullptr, nullptr, ways) != AI_SUCCESS ||
+          path.length == 0)
+        continue;
       m.texture = texture(path.C_Str());
+      if (ways[0] != aiTextureMapMode_Wrap || ways[1] != aiTextureMapMode_Wrap)
+        model_.notes.drop("wrap modes (textures repeat)");
       // A texture stands for the colour where formats give both.
       if (m.albedo == glm::vec3(0.0f)) m.albedo = glm::vec3(1.0f);
-      return;
+      // assimp numbers the sets of Collada as the file does, but keeps them without gaps.
+      return {is_of("Collada") ? 0 : set, uv_transform(material, type)};
     }
+    return {};
+  }
+
+  bool is_of(std::string_view importer) const { return format_.find(importer) != std::string::npos; }
+
+  glm::dmat3 uv_transform(const aiMaterial& material, aiTextureType type) const {
+    aiUVTransform t;
+    if (material.Get(AI_MATKEY_UVTRANSFORM(type, 0), t) != AI_SUCCESS ||
+        !std::isfinite(t.mTranslation.x + t.mTranslation.y + t.mScaling.x + t.mScaling.y + t.mRotation))
+      return glm::dmat3(1.0);
+    const double cos = std::cos(t.mRotation), sin = std::sin(t.mRotation);
+    const auto shift = [](double u, double v) { return glm::dmat3(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, u, v, 1.0); };
+    const glm::dmat3 scale(t.mScaling.x, 0.0, 0.0, 0.0, t.mScaling.y, 0.0, 0.0, 0.0, 1.0);
+    const glm::dmat3 turn = shift(0.5, 0.5) * glm::dmat3(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0);
+    // 3D Studio shifts first and scales around the centre, others scale from the corner and shift then.
+    if (is_of("3DS") || is_of("ASE"))
+      return turn * scale * shift(t.mTranslation.x - 0.5, t.mTranslation.y - 0.5);
+    return shift(t.mTranslation.x, t.mTranslation.y) * turn * shift(-0.5, -0.5) * scale;
   }
 
   std::uint32_t texture(const std::string& path) {
@@ -173,14 +210,17 @@ class AssimpReader {
     if (mesh.mNumAnimMeshes > 0) model_.notes.drop("morph targets");
     if (mesh.HasVertexColors(0)) model_.notes.drop("vertex colours");
     const bool textured = model_.materials[shape.material].material.texture != kNoTexture;
+    const Painting painting = textured ? paintings_[shape.material] : Painting{};
+    const aiVector3D* uvs = mesh.mTextureCoords[mesh.HasTextureCoords(painting.set) ? painting.set : 0];
+    if (textured && !uvs) model_.notes.drop(kNoCoordinates);
     for (unsigned v = 0; v < mesh.mNumVertices; ++v) {
       shape.positions.push_back(vec(mesh.mVertices[v]));
       if (!is_finite(shape.positions.back()))
         fail(fmt::format("vertex {} of mesh '{}' is not finite", v, shape.name));
       if (mesh.HasNormals()) shape.normals.emplace_back(vec(mesh.mNormals[v]));
       if (textured)
-        shape.uvs.emplace_back(mesh.HasTextureCoords(0) ? glm::dvec2(vec(mesh.mTextureCoords[0][v]))
-                                                        : glm::dvec2(0.0));
+        shape.uvs.emplace_back(uvs ? glm::dvec2(painting.transform * glm::dvec3(uvs[v].x, uvs[v].y, 1.0))
+                                   : glm::dvec2(0.0));
     }
     for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
       const aiFace& face = mesh.mFaces[f];
@@ -315,8 +355,10 @@ class AssimpReader {
 
   const aiScene& from_;
   std::filesystem::path folder_;
+  std::string format_;  // assimp's name for what reads it
   Model model_;
   std::map<std::string, std::uint32_t> textures_;  // by path
+  std::vector<Painting> paintings_;                // by material
   std::map<std::string, std::uint32_t> node_of_;   // by name
   std::size_t texels_ = 0;
 };

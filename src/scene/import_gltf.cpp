@@ -53,7 +53,9 @@ Chunks chunks_of(std::string_view bytes) {
   if (bytes.size() < 20) throw std::runtime_error("the header ends too early");
   Chunks chunks;
   std::size_t at = 12;
-  while (at < bytes.size()) {
+  // Chunks begin within the length that the header states; other bytes may follow them.
+  const std::size_t end = std::min<std::size_t>(bytes.size(), std::max(little_endian(bytes, 8), 13u));
+  while (at < end) {
     if (bytes.size() - at < 8 || little_endian(bytes, at) > bytes.size() - at - 8)
       throw std::runtime_error(fmt::format("the chunk at byte {} ends too early", at));
     const std::size_t length = little_endian(bytes, at);
@@ -279,9 +281,10 @@ class GltfReader {
     return values;
   }
 
-  void read_uvs(const Element& attributes, const TextureUse& use, std::size_t count, Shape& shape) const {
+  void read_uvs(const Element& attributes, const TextureUse& use, std::size_t count, Shape& shape) {
     if (!use.used) return;
     const auto set = attributes.find(fmt::format("TEXCOORD_{}", use.set).c_str());
+    if (!set) model_.notes.drop(kNoCoordinates);
     const std::vector<float> uv = set ? of_each_vertex(*set, 2, count) : std::vector<float>(2 * count);
     for (std::size_t v = 0; v < count; ++v)
       shape.uvs.emplace_back(glm::dvec2(use.transform * glm::dvec3(uv[2 * v], uv[2 * v + 1], 1.0)));

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "files/input_file.h"
+#include "scene/import_text.h"
 
 namespace icbench::importing {
 namespace {
@@ -143,7 +144,7 @@ std::string GltfData::load(const Element& uri) const {
     if (name.find('\0') != name.npos) throw std::runtime_error("holds a NUL; mend it");
     return load_file(folder_ / name);
   } catch (const std::runtime_error& error) {
-    uri.fail(std::string(": ") + error.what());
+    throw std::runtime_error(one_line(fmt::format("{}: {}", uri.place(), error.what())));
   }
 }
 

@@ -77,6 +77,9 @@ struct Placed {
   Thing thing;
 };
 
+/// What notes call a texture of whose place on a mesh the file says nothing: its corner stands for it.
+inline constexpr std::string_view kNoCoordinates = "textures on meshes without texture coordinates";
+
 /// Most that a channel of a light's intensity may be, W/sr (a directional one's irradiance, W/m^2).
 inline constexpr double kMostIntensity = 1e20;
 

@@ -49,7 +49,7 @@ class EarClipper {
     for (std::size_t n = 0; n < left; ++n, i = next_[i]) {
       const double a = area(i);
       if (std::abs(a) <= tolerance_) {
-        if (is_spike(i)) return i;
+        if (is_idle(i)) return i;
         flat = flat == kNone ? i : flat;
         continue;
       }
@@ -64,8 +64,8 @@ class EarClipper {
     return start;
   }
 
-  // The outline goes there and back.
-  bool is_spike(std::uint32_t i) const { return p_[before_[i]] == p_[next_[i]]; }
+  // The outline goes there and back, or stands still: until one of two equal corners is gone neither is an ear.
+  bool is_idle(std::uint32_t i) const { return p_[before_[i]] == p_[next_[i]] || p_[i] == p_[next_[i]]; }
 
   bool is_ear(std::uint32_t i, std::size_t left) {
     std::uint32_t& q = in_the_way_[i];

@@ -12,7 +12,7 @@
 // - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are
 //   taken as radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional
 //   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre, and shines
-//   on the scene alone.
+//   on the scene alone. Spot lights fade from the inner cone to the outer one by a smooth step of the cosine.
 // - Camera: the file's first perspective one; Radiance: the view of FILE.vf beside FILE.rad, else of the last
 //   "# view" comment. Without one the scene is framed from the front, a little to the right and above.
 // - A file without any light gets a point light at the camera, strong enough that white in the middle of the

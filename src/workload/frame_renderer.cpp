@@ -31,6 +31,10 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// What seeing a tile counts of its work, the rest being its indirect light. How long either takes is for the scene and
+/// the integrator to say; told of the latter alone, a picture of one sample would seem to take hours as it begins.
+constexpr double kVisibleWork = 0.25;
+
 template <class F>
 double timed(F&& f) {
   const auto start = std::chrono::steady_clock::now();
@@ -96,6 +100,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
     const TeamTimes first = crew_.time([&](unsigned, Tracer& tracer) {
       while (const Tile* tile = seen.next()) {
         visible_tile(tracer, pass_->light(), view, lens, key, r.light_samples, *tile, primary_, direct_);
+        r.progress(kVisibleWork);
       }
     });
     cost.seconds += 1e-9 * static_cast<double>(first.wall_ns());
@@ -103,7 +108,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
     const TeamTimes second = crew_.time([&](unsigned thread, Tracer& tracer) {
       while (const Tile* tile = lit.next()) {
         pass_->tile(thread, tracer, primary_, key, *tile, indirect_);
-        r.progress(1.0);
+        r.progress(1.0 - kVisibleWork);
       }
     });
     cost.seconds_indirect += 1e-9 * static_cast<double>(second.wall_ns());
