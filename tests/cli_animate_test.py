@@ -57,6 +57,11 @@ class Animate(Case):
             self.assertEqual(frame["records_kept"], first["records"])
             self.assertEqual((frame["records_updated"], frame["records_dropped"]), (0, 0))
 
+    def test_frames_of_a_still_are_told(self):
+        for scene, frames, is_told in ("cornell_indirect", 2, False), ("office", 2, True), ("office", 1, False):
+            done = self.run_icbench(*small_animation(scene=scene, frames=frames, format="none"))
+            self.assertEqual("is a still" in done.stderr, is_told, done.stderr)
+
     def test_every_nth_frame_and_the_last(self):
         whole, some = "all", "some"
         self.succeed(*small_animation(frames=6, out=whole, format="exr", integrator="path", threads=2))

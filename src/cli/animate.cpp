@@ -16,6 +16,7 @@
 #include "cli/options.h"
 #include "files/json_file.h"
 #include "files/output_file.h"
+#include "files/standard_streams.h"
 #include "harness/progress.h"
 #include "image/image.h"
 #include "image/webp_animation.h"
@@ -113,6 +114,8 @@ void animate_command(const AnimateOptions& o) {
   }
 
   setup.tell_notes();
+  if (frames > 1 && !setup.rays().scene().is_animated())
+    tell("note: '{}' is a still: its {} frames show the same\n", o.scene, frames);
   if (!keeps && o.given_to->count("--exposure") > 0)
     tell_without_effect("icbench", "--exposure", "without pictures");
   Progress progress("animate", static_cast<double>(rendered.size()) * frame_work(setup.request()));
