@@ -24,11 +24,7 @@ namespace icbench {
 namespace {
 
 // ThreadSanitizer keeps signals back until their thread makes a call that it intercepts.
-#if defined(ICBENCH_SIGNALS_WAIT)
-constexpr bool kSignalsWait = true;
-#else
-constexpr bool kSignalsWait = false;
-#endif
+constexpr bool kSignalsWait = kThreadSanitizer;
 
 constexpr TickRate kHalf{.ns_per_tick = 0.5};
 
