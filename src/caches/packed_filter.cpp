@@ -50,7 +50,6 @@ constexpr bool kHasMaskedLoads = false;
 #else  // the better targets have the smaller numbers
 constexpr bool kHasMaskedLoads = !kThreadSanitizer && HWY_TARGET <= HWY_AVX2;
 #endif
-#undef ICBENCH_COPY_LANES
 
 /// The words of the lanes in `bits`, anything elsewhere.
 HWY_INLINE Word load(const std::uint32_t* from, [[maybe_unused]] std::uint64_t bits,
