@@ -129,6 +129,23 @@ TEST(RenderHemisphere, OcclusionHessian) {
   }
 }
 
+// Guards against: a speck whose light is taken for that of all around it. A patch sends what its farthest corner does,
+// the cap around the normal what the farthest of the first ring does.
+TEST(RenderHemisphere, WhatIsNearIsSeenBeforeTheRestAndNotThroughIt) {
+  constexpr Strata kCells{6, 20};
+  const Hemisphere even = seen_from_origin({-1e6, 1e6, -1e6, 1e6, 1.5}, {}, kCells);
+  const auto size_with = [&](std::size_t cell, float farther) {
+    Hemisphere seen = even;
+    seen.samples[cell].t *= farther;
+    seen.samples[cell].L = glm::vec3(5.0f);
+    return magnitudes_of(occlusion_hessian(seen, 1e-4f)).large;
+  };
+  for (std::size_t cell = 0; cell < even.samples.size(); ++cell) {
+    EXPECT_EQ(size_with(cell, 0.01f), 0.0f) << cell;
+    EXPECT_GT(size_with(cell, 100.0f), 0.0f) << cell;
+  }
+}
+
 // Guards against: a rule or a limit of the regions that is not what extrapolation.h says.
 TEST(RenderHemisphere, EllipsesFollowTheRootOfTheHessianAndEndAtTheirLimits) {
   const Hemisphere seen = seen_from_origin(kLamp, {0.25, 0.75}, kFine);

@@ -2,12 +2,15 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
 #include <set>
+#include <string_view>
 #include <vector>
 
 #include "render/instant_gi.h"
+#include "render/integrators.h"
 #include "render/interleaved.h"
 #include "vpl_support.h"
 
@@ -108,6 +111,41 @@ TEST(RenderInterleaved, TheFilterTakesTheMeanOfOneSurfaceAndStopsAtEdges) {
   EXPECT_GT(floor, 200u);
   EXPECT_LT(floor, 700u);
   EXPECT_GT(inside, 600u);
+}
+
+// Guards against: light of the frame before, by groups that were made of it.
+TEST(RenderInstantGi, APassShowsEveryFrameAsOneThatBeginsThere) {
+  constexpr int kSize = 24;
+  constexpr std::uint32_t kPaths = 50;
+  for (const std::string_view name : {"instant_gi", "instant_gi_interleaved"}) {
+    const auto pass_of = [&](const RayTracer& rays, Crew& crew) {
+      PassSetup setup{rays, crew, kSize, kSize};
+      setup.vpl_paths = kPaths;
+      return find_integrator(name).pass(setup);
+    };
+    RayTracer rays(room());
+    ThreadCrew crew(rays, 1);
+    const auto pass = pass_of(rays, crew);
+    const auto shown = [&](IndirectPass& by) {
+      PrimaryHits primary(rays.scene(), kSize, kSize);
+      Image direct = blank(kSize, kSize), out = direct;
+      render_sample(by, crew, CameraView(rays.scene().camera, kSize, kSize), Lens::centre, {},
+                    make_tiles(kSize, kSize, 8, TileOrder::scanline), primary, direct, out);
+      return out;
+    };
+    Image before = blank(kSize, kSize);
+    for (const float frame : {0.0f, 5.0f, 19.0f}) {
+      pass->begin_frame(rays.go_to(frame));
+      const auto fresh = pass_of(rays, crew);
+      fresh->begin_frame({});
+      const Image now = shown(*pass), anew = shown(*fresh);
+      for (std::size_t i = 0; i < now.pixels.size(); ++i)
+        ASSERT_LE(glm::distance(now.pixels[i], anew.pixels[i]), 1e-4f * glm::length(anew.pixels[i]) + 1e-9f)
+            << name << ", frame " << frame << ", pixel " << i;
+      EXPECT_GT(std::abs(mean_of(now) / mean_of(before) - 1.0), 1e-3) << "nothing changed";
+      before = now;
+    }
+  }
 }
 
 // Guards against: blocks of pixels that some group is missing from, at the borders of the picture too.

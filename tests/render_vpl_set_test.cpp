@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <functional>
 #include <glm/geometric.hpp>
+#include <iterator>
 #include <map>
 #include <numeric>
 #include <set>
@@ -170,12 +172,14 @@ TEST(RenderVpl, RetracingAPathThatNothingCutsChangesNothing) {
   const RayTracer& rays = cornell_box_rays();
   VplSet set = traced_set(rays, 300, 2);
   const VplArrays before = set.vpls();
+  const std::size_t bytes = set.bytes();
   Tracer tracer(rays);
   for (std::uint32_t path = 0; path < set.paths(); path += 3) {
     EXPECT_FALSE(retrace(set, tracer, path).any());
     ASSERT_TRUE(same_bits(before, set.vpls()));
   }
   EXPECT_FALSE(trace_all(set, tracer).any());
+  EXPECT_EQ(set.bytes(), bytes);
 }
 
 // VPLs by path and vertex, whatever slots they have.
@@ -230,6 +234,131 @@ TEST(RenderVpl, AfterMotionTheSetIsThatOfAFreshStartAndReportsExactlyTheSlotsTha
   std::size_t count = 0;
   for (const auto& vpls : start) count += vpls.size();
   EXPECT_EQ(set.count(), count) << "slots leak";
+}
+
+// A floor below a lamp, the albedo of whose two halves in each frame is as said: about as many VPLs are left by a path.
+Scene floor_of(std::uint32_t frames, std::function<float(float)> left, std::function<float(float)> right) {
+  Scene s;
+  s.name = "floor";
+  s.frames = frames;
+  const auto one = s.add_material({.albedo = glm::vec3(0.5f)});
+  const auto other = s.add_material({.albedo = glm::vec3(0.5f)});
+  s.meshes.push_back(quad("left", {-9, 0, -9}, {0, 0, 18}, {9, 0, 0}, one));
+  s.meshes.push_back(quad("right", {0, 0, -9}, {0, 0, 18}, {9, 0, 0}, other));
+  s.point_lights.push_back({.p = {0, 2, 0}, .intensity = glm::vec3(1), .cos_inner = 0.9f, .cos_outer = 0.8f});
+  s.change_light = [=](float frame, std::span<Material> materials, std::span<PointLight>) {
+    materials[one].albedo = glm::vec3(left(frame));
+    materials[other].albedo = glm::vec3(right(frame));
+  };
+  return s;
+}
+
+// Guards against: slots that are added while others are free or by the thousand, VPLs that move to other slots, and
+// paths that become others' as the room that some left is taken back.
+TEST(RenderVpl, SlotsAreUsedAgainHoweverOftenPathsAreTracedAnew) {
+  // Lights come and go at once where the halves of a floor change places.
+  const Scene swapping = floor_of(
+      20, [](float frame) { return frame == 0.0f ? 0.6f : 0.9f; },
+      [](float frame) { return frame == 7.0f ? 0.6f : 0.9f; });
+  for (const Scene& scene : {room(), swapping}) {
+    RayTracer rays(scene);
+    VplSet set(rays, {400, 5});
+    Tracer tracer(rays);
+    const auto slots_by_use = [&](bool used) {
+      std::set<std::size_t> out;
+      for (std::size_t slot = 0; slot < set.vpls().slots(); ++slot)
+        if ((set.vpls()[slot] == Vpl{}) != used) out.insert(slot);
+      return out;
+    };
+    const auto slots_by_path = [&] {
+      std::vector<std::vector<std::uint32_t>> out(set.paths());
+      for (std::uint32_t path = 0; path < set.paths(); ++path)
+        std::ranges::copy_if(set.slots(path), std::back_inserter(out[path]),
+                             [](std::uint32_t slot) { return slot != kNoSlot; });
+      return out;
+    };
+    std::map<float, std::vector<std::vector<glm::vec3>>> vertices_in;
+    std::map<float, std::vector<std::vector<Vpl>>> vpls_in;
+    std::size_t taken = 0;
+    for (int round = 0; round < 10; ++round)
+      for (const float frame : {0.0f, 7.0f, 19.0f, 7.0f}) {
+        rays.go_to(frame);
+        const std::set<std::size_t> free = slots_by_use(false);
+        const std::size_t slots = set.vpls().slots();
+        const auto owned = slots_by_path();
+        const bool is_new = set.count() == 0;
+        const VplChange change = trace_all(set, tracer);
+        if (change.grew) {
+          ASSERT_GT(set.count(), slots) << "one was free";
+          ASSERT_LT(set.vpls().slots(), set.count() + 2 * VplArrays::kWord)
+              << "far more than there is need for";
+        }
+        const std::set<std::size_t> now_used = slots_by_use(true), now_free = slots_by_use(false);
+        ASSERT_EQ(now_used.size(), set.count());
+        for (const std::size_t slot : now_used) {
+          if (!free.contains(slot) || now_free.empty()) continue;
+          ASSERT_LT(slot, *now_free.begin()) << "the lowest come first";
+          ++taken;
+        }
+        const auto owned_now = slots_by_path();
+        std::vector<std::vector<glm::vec3>> vertices;
+        for (std::uint32_t path = 0; path < set.paths(); ++path) {
+          const std::size_t kept = is_new ? 0 : std::min(owned[path].size(), owned_now[path].size());
+          ASSERT_TRUE(std::equal(owned[path].begin(), owned[path].begin() + static_cast<std::ptrdiff_t>(kept),
+                                 owned_now[path].begin()));
+          vertices.emplace_back(set.vertices(path).begin(), set.vertices(path).end());
+        }
+        ASSERT_EQ(vertices, vertices_in.try_emplace(frame, vertices).first->second) << frame;
+        ASSERT_EQ(by_path(set), vpls_in.try_emplace(frame, by_path(set)).first->second) << frame;
+      }
+    EXPECT_GT(taken, 100u) << scene.name;
+  }
+}
+
+// Guards against: room that is lost wherever a path becomes a vertex longer, and slots that are left out where a new
+// set ends.
+TEST(RenderVpl, PathsThatGrowAndShrinkTakeNoMoreRoomInTime) {
+  const auto albedo = [](float frame) { return frame == 1.0f ? 0.9f : 0.6f; };
+  RayTracer rays(floor_of(2, albedo, albedo));
+  VplSet set = traced_set(rays, 600, 3);
+  Tracer tracer(rays);
+  rays.go_to(1.0f);
+  trace_all(set, tracer);  // more are reflected; all that were are
+  for (std::size_t slot = 0; slot < set.vpls().slots(); ++slot)
+    ASSERT_EQ(set.vpls()[slot] != Vpl{}, slot < set.count()) << slot;
+  std::size_t most = 0;
+  for (int frame = 0; frame < 100; ++frame) {
+    rays.go_to(static_cast<float>(frame % 2));
+    trace_all(set, tracer);
+    if (frame < 20) most = std::max(most, set.bytes());
+    ASSERT_LE(set.bytes(), most) << frame;
+  }
+}
+
+// Guards against: fewer virtual lights than were asked for because some frame has a few more, and many more where
+// those that the animation begins with are few.
+TEST(RenderVpl, AnAnimationsPathsArePlannedForItsFirstFrameUnlessAnotherHasManyMore) {
+  constexpr VplParams kParams{.wanted = 1000, .seed = 3};
+  const auto planned = [&](std::uint32_t frames, float bright_frame, float albedo) {
+    const auto by_frame = [=](float frame) { return frame == bright_frame ? albedo : 0.4f; };
+    RayTracer rays(floor_of(frames, by_frame, by_frame));
+    const std::uint32_t at_first = plan_paths(rays, kParams);
+    const std::uint32_t paths = plan_paths_of_animation(rays, kParams);
+    EXPECT_EQ(plan_paths(rays, kParams), at_first) << "the scene is not at the first frame";
+    rays.go_to(bright_frame);
+    const std::uint32_t when_bright = plan_paths(rays, kParams);
+    EXPECT_TRUE(paths == at_first || paths == when_bright);
+    return paths == when_bright;
+  };
+  for (const std::uint32_t frames : {10u, 100u})
+    for (const std::uint32_t quarter : {1u, 2u, 3u}) {
+      const auto frame = static_cast<float>(quarter * frames / 4);
+      EXPECT_TRUE(planned(frames, frame, 0.66f)) << frames << ' ' << frame;
+      EXPECT_FALSE(planned(frames, frame, 0.54f)) << frames << ' ' << frame;
+      EXPECT_FALSE(planned(frames, frame, 0.1f)) << "fewer are no reason";
+    }
+  EXPECT_TRUE(planned(100, 0.0f, 0.8f)) << "the first frame itself";
+  EXPECT_FALSE(planned(100, 10.0f, 0.9f)) << "other frames are not looked at";
 }
 
 // Guards against: light that a surface loses or gains for being shaded as if it were tilted.

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 #include "render/needed_record.h"
@@ -114,8 +115,6 @@ TEST(TemporalRecords, RecordsDoNotBecomeManyMoreThanWouldBeMadeAnew) {
   EXPECT_GT(anew.front(), 500u) << "too few for the slack that there always is";
 }
 
-// Guards against: updating records at a greater cost than making them anew; kept ones of one kind of frame in the
-// other; and dropping those that nothing has touched, because unused ones go.
 // Guards against: updates of records that the camera left behind, beside which those of the new view are made.
 TEST(TemporalRecords, WhatTheCameraLeavesBehindGoesBeforeTheNextUpdate) {
   constexpr std::uint32_t kFrames = 12;
@@ -142,6 +141,8 @@ TEST(TemporalRecords, WhatTheCameraLeavesBehindGoesBeforeTheNextUpdate) {
             1.2 * static_cast<double>(all_anew));  // 3.3 times, if all that are left are brought up to date
 }
 
+// Guards against: updating records at a greater cost than making them anew; kept ones of one kind of frame in the
+// other; and dropping those that nothing has touched, because unused ones go.
 TEST(TemporalRecords, WhereMostChangesAllIsMadeAnew) {
   Scene scene = animated_room({.rigid = true}, 97);
   // In frames 4 to 11 the moving box fills much of the room, and from 7 on it rests there.
@@ -296,6 +297,125 @@ TEST(TemporalRecords, ThoseThatTheCacheDoesNotTakeAgainAreDropped) {
     }
   }
   EXPECT_GT(refused, 5u);
+}
+
+// A source and what it made, with which a test does as a cache would.
+class TemporalSweeps : public ::testing::Test {
+ protected:
+  static constexpr int kSize = 16;
+
+  static PassSetup setup_of(const RayTracer& rays, Crew& crew) {
+    PassSetup setup{rays, crew, kSize, kSize};
+    setup.vpls = 16;
+    return setup;
+  }
+
+  // At a hit on the mesh of this name, `result` being what the cache said of it; its id.
+  std::uint32_t make(std::string_view mesh, InsertResult result = InsertResult::inserted) {
+    for (std::uint32_t pixel = 0; pixel < primary_.hits.size(); ++pixel) {
+      const Visible x = primary_.at(pixel, 0);
+      if (!reflects(rays_, x.hit) || rays_.scene().meshes[x.hit.mesh].name != mesh) continue;
+      const Record r = source_.evaluate(0, tracer_, x, {});
+      source_.settle(0, r, result);
+      if (result == InsertResult::inserted) records_.push_back(r);
+      return r.id;
+    }
+    ADD_FAILURE() << mesh << " is not seen";
+    return RecordTable::kNone;
+  }
+
+  // The next frame; whether its queries tell which records they need or use.
+  bool begins_to_sweep(const SceneChange& change = {}) {
+    const RecordsThen then = source_.begin_frame(change, crew_);
+    if (then == RecordsThen::go) records_.clear();
+    if (then == RecordsThen::update) {
+      std::erase_if(records_, [&](Record& r) { return source_.update(r) == UpdateResult::drop; });
+      source_.updated();
+      for (const Record& r : source_.to_insert()) records_.push_back(r);
+    }
+    return source_.tells() != UseToTell::nothing;
+  }
+
+  // Frames in which nothing changes, until what there is has been swept; queries use all but the first `unused`.
+  void sweep(std::size_t unused = 0) {
+    for (int frame = 0; frame < 3; ++frame)
+      if (begins_to_sweep())
+        for (std::size_t i = unused; i < records_.size(); ++i) source_.used(records_[i]);
+    ASSERT_EQ(source_.tells(), UseToTell::nothing);
+  }
+
+  RayTracer rays_{animated_room({.rigid = true}, 16)};
+  ThreadCrew crew_{rays_, 1};
+  TemporalSource source_{setup_of(rays_, crew_)};
+  PrimaryHits primary_ = primary_hits(rays_, kSize, kSize);
+  Tracer tracer_{rays_};
+  std::vector<Record> records_;
+};
+
+// Guards against: a cache, or a table of records beside it, that is full for ever of what nobody uses.
+TEST_F(TemporalSweeps, AreMadeWhenANewRecordFindsNoRoom) {
+  begins_to_sweep();
+  for (int i = 0; i < 30; ++i) make("room");
+  ASSERT_FALSE(begins_to_sweep()) << "for so few";
+  make("room", InsertResult::rejected);
+  ASSERT_FALSE(begins_to_sweep()) << "room is no matter";
+  make("room", InsertResult::full);
+  sweep(10);
+  EXPECT_EQ(records_.size(), 20u) << "what nobody used stays";
+  EXPECT_FALSE(begins_to_sweep()) << "once is enough";
+
+  while (make("room") != RecordTable::kNone) ASSERT_LT(records_.size(), 1u << 16) << "there is always room";
+  sweep();
+  const std::size_t full = records_.size();
+  ASSERT_EQ(make("room"), RecordTable::kNone);
+  sweep(1);
+  EXPECT_EQ(records_.size(), full - 1) << "the one without an id, and the one that nobody used";
+  EXPECT_NE(make("room"), RecordTable::kNone);
+}
+
+// Guards against: many unused records for each that there is, once most are gone.
+TEST_F(TemporalSweeps, AreMadeForWhatCameSinceThereWereFewest) {
+  begins_to_sweep();
+  for (int i = 0; i < 200; ++i) make("moving");
+  sweep();
+  ASSERT_EQ(records_.size(), 200u);
+  ASSERT_FALSE(begins_to_sweep(rays_.go_to(1.0f)));
+  ASSERT_EQ(records_.size(), 0u) << "of what moved";
+  for (int i = 0; i < 64; ++i) make("room");
+  ASSERT_FALSE(begins_to_sweep());
+  make("room");
+  EXPECT_TRUE(begins_to_sweep());
+}
+
+// Guards against: queries that tell of their records in every frame once they have begun to.
+TEST_F(TemporalSweeps, AreMadeWithEveryEighthUpdate) {
+  begins_to_sweep();
+  for (int i = 0; i < 30; ++i) make("room");
+  for (int frame = 1; frame <= 40; ++frame) {
+    const bool begins = begins_to_sweep(rays_.go_to(0.1f * static_cast<float>(frame % 2)));
+    ASSERT_EQ(begins, frame % 8 == 0) << frame;
+    if (begins)
+      for (const Record& r : records_) source_.used(r);
+    ASSERT_EQ(records_.size(), 30u);
+  }
+}
+
+TEST_F(TemporalSweeps, AreMadeAsTheCameraMovesAmidMotion) {
+  begins_to_sweep();
+  for (int i = 0; i < 30; ++i) make("room");
+  auto moving_on = [&, frame = 0.0f](bool camera) mutable {
+    SceneChange change = rays_.go_to(frame += 1.0f);
+    change.camera = camera;
+    return begins_to_sweep(change);
+  };
+  EXPECT_FALSE(moving_on(false));
+  SceneChange camera_alone;
+  camera_alone.camera = true;
+  EXPECT_FALSE(begins_to_sweep(camera_alone));
+  EXPECT_TRUE(moving_on(true));
+  ASSERT_GT(records_.size(), 0u);
+  EXPECT_FALSE(begins_to_sweep());
+  EXPECT_EQ(records_.size(), 0u) << "what the queries of that frame did not use";
 }
 
 }  // namespace
