@@ -17,20 +17,26 @@
 namespace icbench {
 namespace {
 
-constexpr std::uint32_t kRecords = 500;
+constexpr std::uint32_t kRecords = 500, kAhead = 20;
 const SurfacePoint kPlace{{0.5f, 0.5f, 0.0f}, {0, 0, 1}};
 
 Record record(std::uint32_t id) { return {kPlace.p, kPlace.n, 0.1f, {1, 2, 3}, id}; }
 
 /// One thread inserts while another looks until it has seen all, in batches of `batch` or, if that is 0, by single
-/// visits. Whatever orders them comes from the cache.
+/// visits. The first waits for the other now and then, or on one core all could be there before it looks. Whatever
+/// orders them comes from the cache.
 template <class Cache>
 void share(std::uint32_t sessions, std::size_t batch = 0) {
   Cache cache({.capacity = kRecords, .max_sessions = sessions});
   auto writer_session = cache.open_session(0);
   auto reader_session = cache.open_session(sessions - 1);
+  std::atomic<std::uint32_t> seen{0};
   std::jthread writer([&] {
-    for (std::uint32_t i = 0; i < kRecords; ++i) writer_session.insert(record(i));
+    for (std::uint32_t i = 0; i < kRecords; ++i) {
+      // relaxed, as its partner: orders nothing.
+      while (seen.load(std::memory_order_relaxed) + kAhead < i) std::this_thread::yield();
+      writer_session.insert(record(i));
+    }
   });
   std::jthread reader([&] {
     const std::vector<SurfacePoint> points(batch, kPlace);
@@ -40,6 +46,7 @@ void share(std::uint32_t sessions, std::size_t batch = 0) {
       const std::vector visitors(std::max(batch, std::size_t{1}), count);
       batch == 0 ? reader_session.visit(kPlace, visitors[0]) : reader_session.visit_batch(points, visitors);
       n /= static_cast<std::uint32_t>(visitors.size());
+      seen.store(n, std::memory_order_relaxed);
       std::this_thread::yield();
     }
   });
