@@ -38,8 +38,8 @@ std::unique_ptr<Experiment> packed_scalar_over_simd(const Machine& machine, std:
 /// The same of their tests of lanes and records alone.
 std::unique_ptr<Experiment> packed_scalar_over_vector_kernels(const Machine& machine,
                                                               std::string_view workload);
-/// Both structures, or all codes, tidied (caches/tidy.h); of a packed query before over after; and what tidying takes over
-/// what inserting the records took.
+/// The same of tidied records (caches/tidy.h) on both sides; then a query before tidying over one after it, and tidying
+/// over inserting.
 std::unique_ptr<Experiment> tidied_query_over_ward(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> tidied_query_over_replicated(const Machine& machine, std::string_view workload);
 std::unique_ptr<Experiment> tidied_query_over_frozen(const Machine& machine, std::string_view workload);
@@ -52,8 +52,8 @@ std::unique_ptr<Experiment> packed_single_over_batch(const Machine& machine, std
 std::unique_ptr<Experiment> packed_insert_over_ward(const Machine& machine, std::uint32_t records);
 std::unique_ptr<Experiment> packed_memory(const Machine& machine, std::uint32_t records);
 std::unique_ptr<Experiment> packed_memory_resident(const Machine& machine, std::uint32_t records);
-/// Throughput of its linearizable queries over that of regular ones, and of wait-free access over that of a rival, by its
-/// registry name.
+/// Throughput of its linearizable queries over that of regular ones, and of wait-free access over that of a rival, by
+/// its registry name.
 std::unique_ptr<Experiment> packed_snapshot_mix(const Machine& machine);
 std::unique_ptr<Experiment> packed_over_rival(const Machine& machine, std::string_view cache);
 

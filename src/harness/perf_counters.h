@@ -34,7 +34,8 @@ std::span<const PerfEvent> perf_events();
 /// The same for a processor of that vendor, family and model, as /proc/cpuinfo tells them.
 std::vector<PerfEvent> perf_events_of(std::string_view vendor, unsigned family, unsigned model);
 
-/// Opens an event for the calling thread: perf_event_open(attr, 0, -1, -1, PERF_FLAG_FD_CLOEXEC). A descriptor, or -1 with errno.
+/// Opens an event for the calling thread: perf_event_open(attr, 0, -1, -1, PERF_FLAG_FD_CLOEXEC). A descriptor, or -1
+/// with errno.
 using PerfOpen = int (*)(perf_event_attr&);
 int perf_open_by_kernel(perf_event_attr& attr);
 

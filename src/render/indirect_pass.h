@@ -38,8 +38,8 @@ struct PassSetup {
   std::uint32_t samples = 1;    ///< primary samples of a pixel
 };
 
-/// How many records of a picture there is room for, in the cache and beside it: two a pixel, since mirrors and glass show
-/// it more than one point. Samples beside the first make records of their own where the accuracy is fine, but the
+/// How many records of a picture there is room for, in the cache and beside it: two a pixel, since mirrors and glass
+/// show it more than one point. Samples beside the first make records of their own where the accuracy is fine, but the
 /// larger the picture, the fewer; for them there is room up to two million.
 inline std::uint64_t room_for_records(int width, int height, std::uint32_t samples) noexcept {
   constexpr std::uint64_t kOfSamples = 1 << 21;

@@ -44,8 +44,8 @@
 // Where records are extrapolated (render/extrapolation.h), gradients follow from the same bits, are found anew with the
 // sum, and bound the radius; they are as exact as it is. A guard against leaks (render/leak_guard.h) keeps nothing.
 //
-// Memory beside the cache's: for each record, of the most there were, 48 bytes, and a bit a VPL if it lies on what stands still and is kept
-// (render/record_table.h); and the VPLs. While an update lasts, 13 bytes a record more.
+// Memory beside the cache's: for each record, of the most there were, 48 bytes, and a bit a VPL if it lies on what
+// stands still and is kept (render/record_table.h); and the VPLs. While an update lasts, 13 bytes a record more.
 #pragma once
 
 #include <atomic>

@@ -38,7 +38,8 @@ double doubled_area(const Polygon& polygon);
 /// Triangulates the region inside `outline` and outside the holes, by ear clipping; of the ears there are the best
 /// shaped goes first. Both directions of running are accepted; holes must lie inside the outline, apart from it and
 /// from one another. Indices count through the outline's corners, then each hole's; triangles run counter-clockwise.
-/// Quadratic in the number of corners, cubic where there are holes. Throws std::runtime_error if the figure crosses itself.
+/// Quadratic in the number of corners, cubic where there are holes. Throws std::runtime_error if the figure crosses
+/// itself.
 std::vector<glm::uvec3> triangulate(const Polygon& outline, std::span<const Polygon> holes = {});
 
 }  // namespace icbench
