@@ -27,6 +27,23 @@ inline std::string level_name(const ::testing::TestParamInfo<InterpolationEntry>
   return std::string(info.param.name);
 }
 
+/// Makes records whose radii have nothing to do with each other; E tells what R was made.
+class UnevenSource final : public RecordSource {
+ public:
+  UnevenSource(Interpolation level, float a, const Bounds& bounds)
+      : shapes_{RecordShaper(level, a, bounds, {0.1f, 10.0f}, 10), RecordDetails(1, 1)} {}
+
+  RecordsThen begin_frame(const SceneChange&, Crew&) override { return RecordsThen::go; }
+  Record evaluate(unsigned, Tracer&, const Visible& x, const SampleKey&) noexcept override {
+    const float R = 0.2f + 2.0f * Pcg32(hash_keys(x.pixel, 1)).uniform();
+    return {x.hit.p, x.hit.n, R, Irradiance(R), RecordDetails::kNone};
+  }
+  RecordShapes* shapes() noexcept override { return &shapes_; }
+
+ private:
+  RecordShapes shapes_;
+};
+
 // A list of records, for one thread.
 class ListSession {
  public:

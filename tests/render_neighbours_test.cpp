@@ -60,23 +60,6 @@ TEST(NeighbourClamping, HeedsTheClosestOfTheRecordsThatAreFoundAndNoOther) {
   EXPECT_FLOAT_EQ(clamped({three[2], three[0], three[1]}), 1.1f);
 }
 
-/// Makes records whose radii have nothing to do with each other; E tells what R was made.
-class UnevenSource final : public RecordSource {
- public:
-  explicit UnevenSource(Interpolation level)
-      : shapes_{RecordShaper(level, kA, kSpace, {0.1f, 10.0f}, 10), RecordDetails(1, 1)} {}
-
-  RecordsThen begin_frame(const SceneChange&, Crew&) override { return RecordsThen::go; }
-  Record evaluate(unsigned, Tracer&, const Visible& x, const SampleKey&) noexcept override {
-    const float R = 0.2f + 2.0f * Pcg32(hash_keys(x.pixel, 1)).uniform();
-    return {x.hit.p, x.hit.n, R, Irradiance(R), RecordDetails::kNone};
-  }
-  RecordShapes* shapes() noexcept override { return &shapes_; }
-
- private:
-  RecordShapes shapes_;
-};
-
 bool is_found(const Record& r, const Record& by) {
   return split_sphere_weight({by.p, by.n}, r, search_reach(Interpolation::neighbour_clamping) * kA) > 0.0f;
 }
@@ -165,7 +148,7 @@ std::vector<Record> by_tiles(const RayTracer& rays, RecordSource& source, int wi
 
 TEST(NeighbourClamping, ClampsEachNewRecordOfATileByThoseBefore) {
   const RayTracer rays(animated_room({}));
-  UnevenSource source(Interpolation::neighbour_clamping);
+  UnevenSource source(Interpolation::neighbour_clamping, kA, kSpace);
   expect_clamped(by_tiles(rays, source, 40, 30));
 }
 
@@ -173,7 +156,7 @@ TEST(NeighbourClamping, ClampsEachNewRecordOfATileByThoseBefore) {
 TEST(NeighbourClamping, IsNotDoneAtOtherLevels) {
   const RayTracer rays(animated_room({}));
   for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian}) {
-    UnevenSource source(level);
+    UnevenSource source(level, kA, kSpace);
     for (const Record& r : by_tiles(rays, source, 40, 30)) ASSERT_EQ(r.R, r.E.x);
     for (const Record& r : by_waves(rays, source, 40, 30, 1)->made()) ASSERT_EQ(r.R, r.E.x);
   }
@@ -182,7 +165,7 @@ TEST(NeighbourClamping, IsNotDoneAtOtherLevels) {
 // A picture of one block, so that one thread makes all records in turn.
 TEST(NeighbourClamping, ClampsEachNewRecordOfAWaveByThoseBeforeAndByThoseOfItsBlock) {
   const RayTracer rays(animated_room({}));
-  UnevenSource source(Interpolation::neighbour_clamping);
+  UnevenSource source(Interpolation::neighbour_clamping, kA, kSpace);
   const auto cache = by_waves(rays, source, 8, 8, 1);
   expect_clamped(cache->made());
   std::size_t by_own = 0;
@@ -202,7 +185,7 @@ TEST(NeighbourClamping, OfWavesHoldsForAllThatIsPublishedAndDependsOnNoThread) {
   };
   std::vector<Record> by_one;
   for (const unsigned threads : {1u, 3u}) {
-    UnevenSource source(Interpolation::neighbour_clamping);
+    UnevenSource source(Interpolation::neighbour_clamping, kA, kSpace);
     const auto cache = by_waves(rays, source, 40, 30, threads);
     std::size_t bound = 0;
     for (std::size_t i = 0; i < cache->made().size(); ++i) {

@@ -129,24 +129,6 @@ TEST(Answers, NeedOneOfTheRecordsThatCoverThePoint) {
   EXPECT_LT(first, kPlaces);
 }
 
-// Makes records whose radii, and E by these, have nothing to do with each other, of a level at which records overlap.
-class OverlappingSource final : public RecordSource {
- public:
-  OverlappingSource()
-      : shapes_{RecordShaper(Interpolation::occlusion_hessian, kA, kCube, {0.1f, 10.0f}, 10),
-                RecordDetails(1, 1)} {}
-
-  RecordsThen begin_frame(const SceneChange&, Crew&) override { return RecordsThen::go; }
-  Record evaluate(unsigned, Tracer&, const Visible& x, const SampleKey&) noexcept override {
-    const float R = 0.2f + 2.0f * Pcg32(hash_keys(x.pixel, 1)).uniform();
-    return {x.hit.p, x.hit.n, R, Irradiance(R), RecordDetails::kNone};
-  }
-  RecordShapes* shapes() noexcept override { return &shapes_; }
-
- private:
-  RecordShapes shapes_;
-};
-
 // A cache with room for so many records, which notes who asks twice, and how often for nothing: no record that counts
 // there came between.
 class NotingCache final : public WaveCache {
@@ -208,7 +190,7 @@ TEST(Waves, HitsAskAgainWhereRecordsOfTheirTileCameLaterAndNowhereElse) {
   const PrimaryHits primary = primary_hits(rays, kSize, kSize);
   std::size_t made = 0;
   for (const bool has_room : {true, false}) {
-    OverlappingSource source;
+    UnevenSource source(Interpolation::occlusion_hessian, kA, kCube);
     NotingCache cache(*source.shapes(), has_room ? kSize * kSize : 2 * made / 3);
     Image out = blank(kSize, kSize);
     Waves waves(rays, source, crew);
