@@ -139,8 +139,8 @@ std::filesystem::path unfinished(std::filesystem::path json) {
 
 int run(const Options& o) {
   const std::filesystem::path so_far = unfinished(o.json);
-  if (!o.list && !o.json.empty()) require_writable("--json", o.json);
-  if (!o.list && !so_far.empty()) require_writable("--json", so_far);
+  for (const std::filesystem::path& file : {std::filesystem::path(o.json), so_far})
+    if (!o.list && !file.empty()) require_writable("--json", file);
   const std::vector<Row> all = all_rows();
   const std::vector<const Row*> rows = rows_of(all, o.rows);
   if (o.list) {

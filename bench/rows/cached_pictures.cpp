@@ -269,10 +269,10 @@ class ErrorAtEqualTime : public Judged {
       : Judged(machine, scene), spp_(spp) {
     for (const Interpolation level : {Interpolation::gradients, Interpolation::occlusion_hessian}) {
       for (const float a : {0.6f, 0.4f, 0.2f})
-        settings_.push_back({"irradiance_cache", level, a, {64, 256, 1024, 4096}});
+        tunings_.push_back({"irradiance_cache", level, a, {64, 256, 1024, 4096}});
     }
     for (const float a : {0.4f, 0.2f})
-      settings_.push_back({"instant_caching", Interpolation::gradients, a, {256, 1024, 4096, 16384}});
+      tunings_.push_back({"instant_caching", Interpolation::gradients, a, {256, 1024, 4096, 16384}});
   }
 
   Sample sample() override {
@@ -283,15 +283,15 @@ class ErrorAtEqualTime : public Judged {
     const double limit = path.seconds, error = relmse_of(path);
     double best = std::numeric_limits<double>::infinity();
     std::vector<Tried> tried;
-    for (const Tuning& setting : settings_) {
-      for (const std::uint32_t count : setting.counts) {
-        FrameRequest r = request(find_integrator(setting.integrator), seed);
+    for (const Tuning& tuning : tunings_) {
+      for (const std::uint32_t count : tuning.counts) {
+        FrameRequest r = request(find_integrator(tuning.integrator), seed);
         r.gather = r.vpls = count;
-        r.a = setting.a;
-        r.interpolation = setting.level;
+        r.a = tuning.a;
+        r.interpolation = tuning.level;
         const Picture p = render(r);
         if (p.seconds <= limit) best = std::min(best, relmse_of(p));
-        if (p.seconds <= kNearlyInTime * limit) tried.push_back({&setting, count, relmse_of(p)});
+        if (p.seconds <= kNearlyInTime * limit) tried.push_back({&tuning, count, relmse_of(p)});
         // The next has four times the rays or lights.
         if (p.seconds > 2.0 * limit) break;
       }
@@ -309,7 +309,7 @@ class ErrorAtEqualTime : public Judged {
     std::vector<std::uint32_t> counts;  // of rays a record, or of virtual lights
   };
   struct Tried {
-    const Tuning* setting;
+    const Tuning* tuning;
     std::uint32_t count;
     double error;
   };
@@ -324,14 +324,14 @@ class ErrorAtEqualTime : public Judged {
     tried.resize(std::min(tried.size(), kKept));
     std::vector<Tuning> kept;
     for (const Tried& t : tried) {
-      kept.push_back(*t.setting);
+      kept.push_back(*t.tuning);
       kept.back().counts = {t.count};
     }
-    settings_ = std::move(kept);
+    tunings_ = std::move(kept);
   }
 
   std::uint32_t spp_;
-  std::vector<Tuning> settings_;
+  std::vector<Tuning> tunings_;
   bool chosen_ = false;
 };
 
