@@ -19,7 +19,7 @@ class RandomLanes {
     for (std::uint32_t& word : words_) {
       // Reaches in which distance matters, and some that are too large to be expressed.
       const std::uint32_t code = random_.below(8) == 0 ? kReachAlways : random_.below(kReachAlways);
-      word = (random_() & ((1u << (3 * kPlaceBits)) - 1)) | code << (3 * kPlaceBits);
+      word = (random_() << kReachBits) | code;
     }
     share = 0.2f + 0.8f * random_.uniform();
     // As in cells, or as in frozen runs.
@@ -28,7 +28,7 @@ class RandomLanes {
     else
       layout = {kStripLanes, kCellLanes};
     for (int i = 0; i < 5; ++i) {
-      const auto place = [&] { return 192.0f + 128.0f * random_.uniform(); };
+      const auto place = [&] { return kPlaceOrigin + 192.0f + 128.0f * random_.uniform(); };
       const std::uint32_t *first = words_ + 4 * random_.below(40), *more = words_ + 4 * random_.below(40);
       std::uint64_t mask = std::uint64_t{random_()} << 32 | random_();
       if (random_.below(3) == 0) mask = ~std::uint64_t{0};
@@ -187,8 +187,9 @@ TEST(Lanes, WhatIsNotPublishedIsNotTouched) {
   ASSERT_NE(memory, MAP_FAILED);
   ASSERT_EQ(::mprotect(memory, page, PROT_NONE), 0);
   ASSERT_EQ(::mprotect(memory + 2 * page, page, PROT_NONE), 0);
-  const LanePoint at{250, 250, 250, 1.0f};
-  constexpr std::uint32_t kKept = kReachAlways << (3 * kPlaceBits);
+  constexpr float kPlace = kPlaceOrigin + 250.0f;
+  const LanePoint at{kPlace, kPlace, kPlace, 1.0f};
+  constexpr std::uint32_t kKept = kReachAlways;
   constexpr LaneLayout kLayout{kStripWords, kStripLanes};
   auto all = lane_kernels();
   all.push_back({"scalar", ScalarLanes::best()});

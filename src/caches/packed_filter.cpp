@@ -20,6 +20,13 @@ constexpr auto kOrders = [] {
   return orders;
 }();
 
+/// `reach_of` of every code.
+alignas(64) constexpr auto kReaches = [] {
+  std::array<float, kReachAlways + 1> reaches{};
+  for (std::uint32_t code = 0; code < reaches.size(); ++code) reaches[code] = reach_of(code);
+  return reaches;
+}();
+
 }  // namespace icbench
 #endif
 
@@ -39,7 +46,6 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 using Words = hn::CappedTag<std::uint32_t, kStripLanes>;
-using Ints = hn::RebindToSigned<Words>;
 using Floats = hn::RebindToFloat<Words>;
 using Word = hn::Vec<Words>;
 using Float = hn::Vec<Floats>;
@@ -65,11 +71,12 @@ HWY_INLINE Word load(const std::uint32_t* from, [[maybe_unused]] std::uint64_t b
   }
 }
 
-template <int kAxis>
-HWY_INLINE Float place_of(Word lane) {
-  const auto place =
-      hn::And(hn::ShiftRight<kPlaceBits * kAxis>(lane), hn::Set(Words(), (1u << kPlaceBits) - 1));
-  return hn::ConvertTo(Floats(), hn::BitCast(Ints(), place));
+/// A place and kPlaceOrigin, from lanes whose coordinate has been moved to kPlaceMask.
+HWY_INLINE Float place_of(Word bits) {
+  const Words words;
+  const auto place = hn::Or(hn::And(bits, hn::Set(words, kPlaceMask)),
+                            hn::Set(words, std::bit_cast<std::uint32_t>(kPlaceOrigin)));
+  return hn::BitCast(Floats(), place);
 }
 
 /// A LanePoint before every lane of a vector.
@@ -82,20 +89,41 @@ struct Query {
   Float x, y, z, slack;
 };
 
+/// The reaches of lanes' codes, times the share.
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+// All of them in two vectors. Highway looks up in one alone.
+struct Reaches {
+  HWY_INLINE explicit Reaches(Float share)
+      : low(hn::Mul(hn::Load(Floats(), kReaches.data()), share)),
+        high(hn::Mul(hn::Load(Floats(), kReaches.data() + kStripLanes), share)) {}
+  HWY_INLINE Float of(Word lane) const {
+    return Float{_mm512_permutex2var_ps(low.raw, lane.raw, high.raw)};  // by the lowest five bits
+  }
+  Float low, high;
+};
+#else
+struct Reaches {
+  HWY_INLINE explicit Reaches(Float s) : share(s) {}
+  HWY_INLINE Float of(Word lane) const {
+    const Words words;
+    const Floats floats;
+    const Word code = hn::And(lane, hn::Set(words, kReachAlways));
+    const Float expressed =
+        hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
+    const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
+    return hn::Mul(hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed), share);
+  }
+  Float share;
+};
+#endif
+
 /// `keeps` (caches/packed_lanes.h), operation by operation.
-HWY_INLINE hn::Mask<Floats> keeps_of(Float share, const Query& at, Word lane) {
-  const Words words;
-  const Floats floats;
-  const Float dx = hn::Sub(at.x, place_of<0>(lane));
-  const Float dy = hn::Sub(at.y, place_of<1>(lane));
-  const Float dz = hn::Sub(at.z, place_of<2>(lane));
+HWY_INLINE hn::Mask<Floats> keeps_of(const Reaches& reaches, const Query& at, Word lane) {
+  const Float dx = hn::Sub(at.x, place_of(hn::ShiftLeft<kPlaceBits>(lane)));
+  const Float dy = hn::Sub(at.y, place_of(lane));
+  const Float dz = hn::Sub(at.z, place_of(hn::ShiftRight<kPlaceBits>(lane)));
   const Float distance2 = hn::Add(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), hn::Mul(dz, dz));
-  const Word code = hn::ShiftRight<3 * kPlaceBits>(lane);
-  const Float expressed =
-      hn::BitCast(floats, hn::Add(hn::ShiftLeft<kReachShift>(code), hn::Set(words, kReachBase)));
-  const auto is_far = hn::RebindMask(floats, hn::Eq(code, hn::Set(words, kReachAlways)));
-  const Float reach = hn::IfThenElse(is_far, hn::Set(floats, kFarReach), expressed);
-  const Float most = hn::Add(hn::Mul(reach, share), at.slack);
+  const Float most = hn::Add(reaches.of(lane), at.slack);
   return hn::Lt(distance2, hn::Mul(most, most));
 }
 
@@ -125,7 +153,7 @@ std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* 
                            UnitIndex* out) {
   const Words words;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(words));
-  const Float share = hn::Set(Floats(), query_share);
+  const Reaches reaches(hn::Set(Floats(), query_share));
   UnitIndex* end = out;
   for (const LaneRun* run = runs; run != runs + n; ++run) {
     const Query at(run->at);
@@ -137,7 +165,8 @@ std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* 
         const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
         const Word lane = load(strip + i, bits, mask);
         const Word index = load(strip + layout.stride + i, bits, mask);
-        const auto keep = hn::And(mask, hn::RebindMask(words, keeps_of(share, at, lane)));
+        // Nothing is kept of lanes outside the mask, which read as zero.
+        const auto keep = hn::RebindMask(words, keeps_of(reaches, at, lane));
         hn::StoreU(compressed(index, keep), words, end);  // the whole vector
         end += hn::CountTrue(words, keep);
       }
@@ -163,8 +192,24 @@ std::uint32_t add_records(const SurfacePoint& x, float a, const Record* const* r
 // Records are weighed eight at a time, or four where vectors are no longer than that.
 using Group = hn::CappedTag<float, kWeighed>;
 using Pairs = hn::RepartitionToWide<Group>;
+using Block = hn::CappedTag<float, kSummed>;
 constexpr std::size_t kGroup = hn::MaxLanes(Group());
 static_assert(kGroup == 4 || kGroup == kWeighed);
+
+/// Four floats, from `from` on, of record k and, where a group is two blocks of four, of record k + 4. A template, so
+/// that only one way is compiled.
+template <class Floats8Or4>
+HWY_INLINE hn::Vec<Floats8Or4> blocks_of(Floats8Or4 floats, const Record* const* records, std::size_t k,
+                                         std::size_t from) {
+  const auto block = [&](std::size_t i) HWY_ATTR {
+    return hn::LoadU(Block(), reinterpret_cast<const float*>(records[i]) + from);
+  };
+  if constexpr (kGroup == kWeighed) {
+    return hn::Combine(floats, block(k + kSummed), block(k));
+  } else {
+    return block(k);
+  }
+}
 
 /// Four floats of each of kGroup records, a column a vector.
 struct Columns {
@@ -189,23 +234,12 @@ HWY_INLINE Columns transposed(hn::Vec<Group> a, hn::Vec<Group> b, hn::Vec<Group>
 struct Weighed {
   Columns first, second;
 };
-HWY_INLINE Weighed columns(const Record* const* records) {
-  const Group floats;
-  const auto row = [&](std::size_t i, std::size_t from) {
-    return hn::LoadU(floats, reinterpret_cast<const float*>(records[i]) + from);
-  };
-#if HWY_TARGET <= HWY_AVX2
-  // A row is a vector.
-  const Columns low = transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0));
-  const Columns high = transposed(row(4, 0), row(5, 0), row(6, 0), row(7, 0));
-  return {{hn::ConcatLowerLower(floats, high.a, low.a), hn::ConcatLowerLower(floats, high.b, low.b),
-           hn::ConcatLowerLower(floats, high.c, low.c), hn::ConcatLowerLower(floats, high.d, low.d)},
-          {hn::ConcatUpperUpper(floats, high.a, low.a), hn::ConcatUpperUpper(floats, high.b, low.b),
-           hn::ConcatUpperUpper(floats, high.c, low.c), hn::ConcatUpperUpper(floats, high.d, low.d)}};
-#else
+template <class Floats8Or4>
+HWY_INLINE Weighed columns(Floats8Or4 floats, const Record* const* records) {
+  const auto row = [&](std::size_t k, std::size_t from)
+                       HWY_ATTR { return blocks_of(floats, records, k, from); };
   return {transposed(row(0, 0), row(1, 0), row(2, 0), row(3, 0)),
           transposed(row(0, 4), row(1, 4), row(2, 4), row(3, 4))};
-#endif
 }
 
 /// `likely_split_sphere_weight` (core/interpolation.h) of kGroup records, operation by operation.
@@ -220,7 +254,7 @@ HWY_INLINE hn::Vec<Group> weights_of(const SurfacePoint& x, float a, const Recor
   const auto xx = all(x.p.x), xy = all(x.p.y), xz = all(x.p.z);
   const auto nx = all(x.n.x), ny = all(x.n.y), nz = all(x.n.z);
   const auto one = all(1.0f), tolerance = all(-kInFrontTolerance);
-  const auto [first, second] = columns(records);
+  const auto [first, second] = columns(floats, records);
   const auto dx = hn::Sub(xx, first.a), dy = hn::Sub(xy, first.b), dz = hn::Sub(xz, first.c);
   const auto rx = first.d, ry = second.a, rz = second.b, radius = second.c;
   const auto bend = hn::Sub(one, hn::Min(dot(nx, ny, nz, rx, ry, rz), one));
@@ -237,27 +271,16 @@ void weigh_records(const SurfacePoint& x, float a, const Record* const* records,
     hn::StoreU(weights_of(x, a, records + i), Group(), weights + i);
 }
 
-using Block = hn::CappedTag<float, kSummed>;
-
-/// Red, green, blue and a one of record k and, where a group is two blocks of four, of record k + 4. A template, and so
-/// is what follows, so that only one way is compiled.
+/// Red, green, blue and a one of each record of blocks_of.
 template <class Floats8Or4>
 HWY_INLINE hn::Vec<Floats8Or4> colours_of(Floats8Or4 floats, const Record* const* records, std::size_t k) {
   constexpr std::size_t kE = offsetof(Record, E) / sizeof(float);
   static_assert(offsetof(Record, E) % sizeof(float) == 0 && sizeof(Record) >= (kE + 4) * sizeof(float));
-  const auto row = [&](std::size_t i) HWY_ATTR {
-    return hn::LoadU(Block(), reinterpret_cast<const float*>(records[i]) + kE);
-  };
   // What stands behind the irradiance is no float.
   HWY_ALIGN static constexpr std::uint32_t kIsColour[kWeighed] = {1, 1, 1, 0, 1, 1, 1, 0};
   const hn::RebindToUnsigned<Floats8Or4> words;
   const auto is_colour = hn::RebindMask(floats, hn::Ne(hn::Load(words, kIsColour), hn::Zero(words)));
-  const auto one = hn::Set(floats, 1.0f);
-  if constexpr (kGroup == kWeighed) {
-    return hn::IfThenElse(is_colour, hn::Combine(floats, row(k + kSummed), row(k)), one);
-  } else {
-    return hn::IfThenElse(is_colour, row(k), one);
-  }
+  return hn::IfThenElse(is_colour, blocks_of(floats, records, k, kE), hn::Set(floats, 1.0f));
 }
 
 /// The sum of a group's blocks.

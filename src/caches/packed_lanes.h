@@ -1,7 +1,7 @@
 // Lanes: what a cell of the packed octree knows of a record, 8 bytes of it, and the test that needs no more.
 //
-// A lane is one word for the record's place, to 9 bits an axis of four cells' width, and its reach, a float of 5 bits,
-// and one for its index. `keeps` tells from the first whether the record may be valid at a point. It is conservative:
+// A lane is one word for its record's reach, a float of 5 bits, and place, to 9 bits an axis of four cells' width, and
+// one for the record's index. `keeps` tells from the first whether the record may be valid at a point. It is conservative:
 // it never turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h).
 // So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
 // do the same operations in single precision, each correctly rounded. Normals are not in it: a cell holds only records
@@ -14,9 +14,10 @@
 // Why it is conservative. Valid means |p - p_i| < R a in single precision, that is |p - p_i| < reach a / a_max. Of the
 // quantities in this
 //
-//   distance   errs by half a step an axis, 0.87 steps, for the lane's place; by 0.44 grid units an axis for the
-//              scaling of both positions and the validity test itself (core/octree.h), 0.77 in all. kSlackSteps and
-//              kSlackUnits are more, and are given to the right-hand side.
+//   distance   errs by half a step an axis, 0.87 steps, for the lane's place, and 2^-15 steps for the rounding of the
+//              query's; by 0.44 grid units an axis for the scaling of both positions and the validity test itself
+//              (core/octree.h), 0.77 in all. kSlackSteps and kSlackUnits are more, and are given to the right-hand
+//              side.
 //   reach      is rounded up; kReachAlways stands for a reach or place that cannot be expressed: kept whatever the
 //              distance.
 //   a / a_max  is enlarged by a share of kRoundingSlack, worth a hundred roundings.
@@ -29,6 +30,7 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
+#include <limits>
 #include <utility>
 
 #include "core/arena.h"
@@ -39,15 +41,21 @@ namespace icbench {
 
 /// Steps of a lane's place that make a cell's side, as a power of two.
 inline constexpr int kStepBits = 7;
-/// Bits an axis of a lane's place.
-inline constexpr int kPlaceBits = 9;
+/// Bits an axis of a lane's place: from the lowest on a lane is its reach, x, y and z.
+inline constexpr int kReachBits = 5, kPlaceBits = 9;
+/// Where y lies: there, alone, it makes a float of kPlaceOrigin, which is kPlaceOrigin + y.
+inline constexpr std::uint32_t kPlaceMask = ((1u << kPlaceBits) - 1) << (kReachBits + kPlaceBits);
+inline constexpr float kPlaceOrigin = 1 << kPlaceBits;
+static_assert(kReachBits + 3 * kPlaceBits == 32 &&
+                  kReachBits + 2 * kPlaceBits == std::numeric_limits<float>::digits - 1,
+              "y is the upper part of a mantissa");
 /// Most that a record's reach may be, in sides of the cell its lane lies in.
 inline constexpr float kLaneMargin = 1.5f;
 
 /// How a lane's reach is a float's bits: exponent and three bits of mantissa, from 2^3 steps on.
 inline constexpr int kReachShift = 20;
 inline constexpr std::uint32_t kReachBase = std::uint32_t{127 + 3} << 23;
-inline constexpr std::uint32_t kReachAlways = 31;
+inline constexpr std::uint32_t kReachAlways = (1u << kReachBits) - 1;
 /// Steps; stands for any reach.
 inline constexpr float kFarReach = 1e15f;
 
@@ -60,8 +68,8 @@ inline float steps_of_unit(int level) noexcept {
   return std::bit_cast<float>(static_cast<std::uint32_t>(127 + kStepBits - kMaxLevel + level) << 23);
 }
 
-/// The first word of a lane of a record in a cell of `level` with lower corner `corner`: x, y, z in steps from
-/// kLaneMargin sides in front of the cell, kPlaceBits each, and above them the reach. `p` and `reach` in grid units.
+/// The first word of a lane of a record in a cell of `level` with lower corner `corner`: the reach, and x, y, z in steps
+/// from kLaneMargin sides in front of the cell. `p` and `reach` in grid units.
 inline std::uint32_t make_lane(const glm::vec3& p, float reach, const glm::vec3& corner, int level) noexcept {
   constexpr float kEnd = 1 << kPlaceBits;
   const float steps = steps_of_unit(level);
@@ -70,48 +78,57 @@ inline std::uint32_t make_lane(const glm::vec3& p, float reach, const glm::vec3&
   for (int axis = 0; axis < 3; ++axis) {
     const float at = (p[axis] - corner[axis]) * steps + kLaneMargin * (1 << kStepBits);
     is_expressible &= at >= 0.0f && at < kEnd;
-    lane |= static_cast<std::uint32_t>(std::clamp(at, 0.0f, kEnd - 1.0f)) << (kPlaceBits * axis);
+    lane |= static_cast<std::uint32_t>(std::clamp(at, 0.0f, kEnd - 1.0f)) << (kReachBits + kPlaceBits * axis);
   }
   const float least = std::bit_cast<float>(kReachBase);
   const float rounded = std::min(std::max(reach * steps * (1.0f + kRoundingSlack), least), kFarReach);
   const std::uint32_t bits = std::bit_cast<std::uint32_t>(rounded) - kReachBase;
   const std::uint32_t code = (bits + (1u << kReachShift) - 1) >> kReachShift;
-  return lane | (is_expressible ? std::min(code, kReachAlways) : kReachAlways) << (3 * kPlaceBits);
+  return lane | (is_expressible ? std::min(code, kReachAlways) : kReachAlways);
 }
 
 /// Share of its reach that a record may be away from a query for accuracy a: a / a_max, and a little more.
 inline float make_lane_share(float a, float a_max) noexcept { return a / a_max * (1.0f + kRoundingSlack); }
 
-/// Where a query is for the lanes of one cell: steps, from where their places count.
+/// Where a query is for the lanes of one cell: steps, from kPlaceOrigin steps before where their places count.
 struct LanePoint {
   float x, y, z;
   float slack;
 };
 
-/// A query at `p`, in grid units, in the cell of `level` that holds `u`. The differences are exact: p lies in the cell.
+/// A query at `p`, in grid units, in the cell of `level` that holds `u`. What is taken from p is exact: p lies in the
+/// cell.
 inline LanePoint make_lane_point(const glm::vec3& p, const GridPoint& u, int level) noexcept {
   const float steps = steps_of_unit(level);
   const std::int32_t of_cell = -(1 << (kMaxLevel - level));
   const glm::vec3 corner(u.x & of_cell, u.y & of_cell, u.z & of_cell);
   // Half a step: a lane's place is the lower end of where it may be.
-  constexpr float kOrigin = kLaneMargin * (1 << kStepBits) - 0.5f;
+  constexpr float kOrigin = kPlaceOrigin + kLaneMargin * (1 << kStepBits) - 0.5f;
   return {(p.x - corner.x) * steps + kOrigin, (p.y - corner.y) * steps + kOrigin,
           (p.z - corner.z) * steps + kOrigin, kSlackSteps + kSlackUnits * steps};
 }
 
-/// Whether a lane's record may be valid.
+/// Steps. `code`: a lane's lowest kReachBits.
+constexpr float reach_of(std::uint32_t code) noexcept {
+  return code == kReachAlways ? kFarReach : std::bit_cast<float>((code << kReachShift) + kReachBase);
+}
+
+/// Whether a lane's record may be valid; never that of a lane of zeros.
 inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept {
-  const auto place = [&](int axis) {
-    return static_cast<float>((lane >> (kPlaceBits * axis)) & ((1u << kPlaceBits) - 1));
+  const auto place = [](std::uint32_t bits) {
+    return std::bit_cast<float>((bits & kPlaceMask) | std::bit_cast<std::uint32_t>(kPlaceOrigin));
   };
-  const float dx = at.x - place(0), dy = at.y - place(1), dz = at.z - place(2);
+  const float dx = at.x - place(lane << kPlaceBits);
+  const float dy = at.y - place(lane);
+  const float dz = at.z - place(lane >> kPlaceBits);
   const float distance2 = dx * dx + dy * dy + dz * dz;
-  const std::uint32_t code = lane >> (3 * kPlaceBits);
-  const float reach =
-      code == kReachAlways ? kFarReach : std::bit_cast<float>((code << kReachShift) + kReachBase);
-  const float most = reach * share + at.slack;
+  const float most = reach_of(lane & kReachAlways) * share + at.slack;
   return distance2 < most * most;
 }
+
+// A query is inside its cell, so kLaneMargin sides from place 0 on every axis.
+static_assert(kLaneMargin * (1 << kStepBits) - 1.0f > 1.01f * reach_of(0) + kSlackSteps + kSlackUnits,
+              "a lane of zeros is kept nowhere");
 
 /// Most lanes that are tested at once.
 inline constexpr std::uint32_t kStripLanes = 16;

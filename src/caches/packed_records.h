@@ -39,6 +39,16 @@ class PackedRecords {
   // What a session may hold without a record in it: the rest of two pieces, and spares.
   static constexpr std::uint64_t kIdlePlaces = 2 * kPiece + kFreedBatch + 1;
 
+  // A place is where a record lies in steps of so many bytes, which processors multiply by as they load.
+  static constexpr std::size_t kPlaceBytes = 8;
+  static constexpr std::uint64_t kUnitPlaces = sizeof(Stored) / kPlaceBytes;
+  static_assert(sizeof(Stored) % kPlaceBytes == 0 &&
+                    (2 * kMaxCapacity + 2 * kMaxSessions * kIdlePlaces + 1) * kUnitPlaces <= UINT32_MAX,
+                "every record has a place");
+  static constexpr UnitIndex place_of(UnitIndex unit) noexcept {
+    return unit * static_cast<UnitIndex>(kUnitPlaces);
+  }
+
  public:
   /// Most steps of taking a place.
   static constexpr std::uint32_t kTakeSteps = 2 + ArenaCursor<Table>::kAllocateSteps;
@@ -55,7 +65,10 @@ class PackedRecords {
   PackedRecords(std::uint64_t capacity, std::uint64_t sessions, LargePages large_pages)
       : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, capacity, large_pages, capacity) {}
 
-  Stored& at(UnitIndex place) const noexcept { return *std::launder(static_cast<Stored*>(table_.at(place))); }
+  Stored& at(UnitIndex place) const noexcept {
+    auto* const base = static_cast<std::byte*>(table_.at(0));
+    return *std::launder(reinterpret_cast<Stored*>(base + std::size_t{place} * kPlaceBytes));
+  }
   static bool is_empty(const Stored& s) noexcept {
     return s.mark.word.load(std::memory_order_relaxed) == 0;  // relaxed: quiescent
   }
@@ -70,7 +83,7 @@ class PackedRecords {
       for (std::uint64_t i = first; i < end; ++i) w.freed_[w.freed_left_++] = freed_[i];
     }
     if (w.freed_left_ != 0) return w.freed_[--w.freed_left_];
-    return w.table_.allocate(table_, 1, kPiece);
+    return place_of(w.table_.allocate(table_, 1, kPiece));
   }
   /// The place goes to the session's next insert.
   static void give_back(Workspace& w, UnitIndex place) noexcept { w.spare_ = place; }
@@ -86,7 +99,7 @@ class PackedRecords {
   void publish(Stored& stored) noexcept { marks_.publish(stored.mark); }
 
   Moment moment() const noexcept { return marks_.moment(); }
-  bool shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment); }
+  std::uint32_t shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment); }
 
   /// f(Record&) -> UpdateResult for every record, in parallel over the table, then, if any was dropped, once forget(),
   /// also where f throws. Quiescent.
@@ -101,12 +114,13 @@ class PackedRecords {
     }};
     parallel_chunks(table_.end() - 1, kUpdateGrain, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first + 1; i <= last; ++i) {
-        Stored& s = at(static_cast<UnitIndex>(i));
+        const UnitIndex place = place_of(static_cast<UnitIndex>(i));
+        Stored& s = at(place);
         if (is_empty(s) || f(s.record) == UpdateResult::keep) continue;
         {
           // First, for if there is no memory for it the record stays.
           const std::scoped_lock lock(mutex);
-          freed_.push_back(static_cast<UnitIndex>(i));
+          freed_.push_back(place);
         }
         s.mark.word.store(0, std::memory_order_relaxed);  // relaxed: quiescent, as all here
       }
@@ -117,7 +131,8 @@ class PackedRecords {
   template <class F>
   void for_each(F&& f) const {
     for (UnitIndex i = 1; i < table_.end(); ++i) {
-      if (!is_empty(at(i))) f(static_cast<const Record&>(at(i).record));
+      const Stored& s = at(place_of(i));
+      if (!is_empty(s)) f(s.record);
     }
   }
 

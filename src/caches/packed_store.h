@@ -11,9 +11,9 @@
 //
 // Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once.
 // The levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the
-// mask, the word of its further lanes and the list's count; then the lanes and places that these showed, once
-// (list_steps), but without snapshots the mark of the first record up to eight times. A cell counts as two lists, its
-// lanes and the rest.
+// mask, the word of its further lanes and the list's count, and that once more if one of them has a list; then the lanes
+// and places that these showed, once (list_steps), but the mark of the first record up to eight times, which is stamped
+// by then if there are stamps. A cell counts as two lists, its lanes and the rest.
 #pragma once
 
 #include <algorithm>
@@ -65,9 +65,10 @@ struct PackedStore {
   };
 
   /// What the kernels read and write, and so not of the walk, which else would have to stay in memory: the lanes that
-  /// the cells' masks showed, and the places of the records that lanes were kept of.
+  /// the cells' masks showed, and the places of the records that lanes were kept of; and whether there is more.
   struct Candidates {
     std::uint32_t kept;
+    bool have_lists;
     std::array<LaneRun, kMostPath> lanes;
     std::array<UnitIndex, kMostPath * kCellLanes + kStripLanes> places;
   };
@@ -98,10 +99,10 @@ struct PackedStore {
 
   // Step bounds of queries (caches/session.h).
   static constexpr std::string_view kVisitBound =
-      kIsSnapshot ? "41 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
-  static constexpr std::uint32_t kVisitSteps = 1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) +
-                                               2 + Marks::kMomentSteps + (kIsSnapshot ? 0 : kWeighed - 1);
-  static_assert(kVisitSteps == (kIsSnapshot ? 41 : 47));
+      kIsSnapshot ? "48 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
+  static constexpr std::uint32_t kVisitSteps =
+      1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps + kWeighed - 1;
+  static_assert(kVisitSteps == (kIsSnapshot ? 48 : 47));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
@@ -236,8 +237,9 @@ struct PackedStore {
     return true;
   }
 
-  /// Reads which lanes the cells have.
+  /// Reads which lanes the cells have, and whether any has a list.
   void look(const Walk& walk, Candidates& candidates) noexcept {
+    candidates.have_lists = false;
     for (std::uint32_t i = 0; i < walk.cells; ++i) {
       Cell& c = *walk.cell[i];
       LaneRun& lanes = candidates.lanes[i];
@@ -247,6 +249,7 @@ struct PackedStore {
       // Relaxed: a mask that shows one of its lanes was acquired (P6).
       const UnitIndex more = c.more.load(std::memory_order_relaxed);
       lanes.more = cells.strips(more);
+      candidates.have_lists |= list.is_used(c.rest);
       Sync::extent(static_cast<std::uint32_t>(std::popcount(lanes.mask)));
       for (std::uint64_t rest = lanes.mask; rest != 0; rest &= rest - 1) {
         const std::uint32_t* word = cells.lane(c, more, static_cast<std::uint32_t>(std::countr_zero(rest)));
@@ -259,7 +262,7 @@ struct PackedStore {
   /// Collects the places of the records that lanes are kept of, and behind them, to whole groups, the first once more:
   /// how many there are cannot be foreseen, so that what follows goes by groups.
   void filter(const Walk& walk, float a, Candidates& candidates) noexcept {
-    auto& [kept, lanes, places] = candidates;
+    auto& [kept, have_lists, lanes, places] = candidates;
     kept = kernels.filter(make_lane_share(a, a_max), {kStripWords, kStripLanes}, lanes.data(), walk.cells,
                           places.data());
     if (kept != 0) std::fill_n(places.begin() + kept, kWeighed, places[0]);
@@ -289,19 +292,17 @@ struct PackedStore {
     for (std::uint32_t i = 0; i < candidates.kept; i += kWeighed) {
       const UnitIndex* places = candidates.places.data() + i;
       std::uint32_t n = std::min(candidates.kept - i, kWeighed);
-      // A look that may write is not made for nothing.
-      const std::uint32_t looks = kIsSnapshot ? n : kWeighed;
       std::array<Stored*, kWeighed> stored;  // nobody else's, so that looks leave it in registers
 #pragma GCC unroll kWeighed
       for (std::uint32_t k = 0; k < kWeighed; ++k) {
         stored[k] = &records.at(places[k]);
         shown[k] = &stored[k]->record;
       }
-      std::array<bool, kWeighed> shows;
-      bool all = true;
+      std::array<std::uint32_t, kWeighed> shows;
+      std::uint32_t all = 1;  // of words that are 0 or 1, without comparing each
 #pragma GCC unroll kWeighed
-      for (std::uint32_t k = 0; k < looks; ++k) all &= shows[k] = records.shows(*stored[k], walk.moment);
-      if (!all) [[unlikely]] {
+      for (std::uint32_t k = 0; k < kWeighed; ++k) all &= shows[k] = records.shows(*stored[k], walk.moment);
+      if (all == 0) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
           shown[n] = shown[k];
@@ -311,25 +312,23 @@ struct PackedStore {
       }
       show(shown, n, x, a, counters, f);
     }
-    for (std::uint32_t i = 0; i < walk.cells; ++i) {
-      const auto& rest = walk.cell[i]->rest;
-      if (const std::uint32_t extent = list.extent(rest); extent != 0) [[unlikely]]
-        test_list(rest, extent, walk.moment, x, a, counters, f);
-    }
+    if (candidates.have_lists) [[unlikely]]
+      test_lists(walk, x, a, counters, f);
   }
 
-  /// The same of the first `extent` records of a list. Apart, since most lists are empty.
+  /// The same of the cells' lists. Apart, since most cells have none.
   template <class Counters, class F>
-  [[gnu::noinline]] void test_list(const typename List::List& full, std::uint32_t extent,
-                                   typename Records::Moment moment, const SurfacePoint& x, float a,
-                                   Counters& counters, F&& f) noexcept {
-    list.visit(full, extent, list.moment(), [&](UnitIndex place) noexcept {
-      Stored& stored = records.at(place);
-      if (!records.shows(stored, moment)) return;
-      ShownRecords shown;
-      shown.fill(&stored.record);
-      show(shown, 1, x, a, counters, f);
-    });
+  [[gnu::noinline]] void test_lists(const Walk& walk, const SurfacePoint& x, float a, Counters& counters,
+                                    F&& f) noexcept {
+    for (std::uint32_t i = 0; i < walk.cells; ++i) {
+      list.visit(walk.cell[i]->rest, list.moment(), [&](UnitIndex place) noexcept {
+        Stored& stored = records.at(place);
+        if (!records.shows(stored, walk.moment)) return;
+        ShownRecords shown;
+        shown.fill(&stored.record);
+        show(shown, 1, x, a, counters, f);
+      });
+    }
   }
 
   template <class Counters, class F>

@@ -210,6 +210,11 @@ class SlotPool {
     return n;
   }
 
+  /// Whether a list may have an item.
+  bool is_used(const List& list) const noexcept {
+    return list.count.load(std::memory_order_relaxed) != 0;  // as in extent
+  }
+
   /// What a query has to read before it visits its first list.
   typename Marks::Moment moment() const noexcept { return marks_.moment(); }
 
@@ -217,12 +222,7 @@ class SlotPool {
   /// visit began.
   template <class F>
   void visit(const List& list, typename Marks::Moment moment, F&& f) noexcept {
-    visit(list, extent(list), moment, f);
-  }
-  /// The same where the extent was read already: for those to whom most lists are empty.
-  template <class F>
-  void visit(const List& list, std::uint32_t extent, typename Marks::Moment moment, F&& f) noexcept {
-    for_each_slot(list, extent, [&](const Slot& slot) {
+    for_each_slot(list, extent(list), [&](const Slot& slot) {
       if (!marks_.shows(*slot.mark, moment)) return;
       Sync::reads(slot.item, sizeof(Item));
       f(static_cast<const Item&>(*slot.item));

@@ -58,8 +58,9 @@ struct AtFirstSight {
     /// Makes the record beside `mark` visible.
     void publish(Mark& mark) noexcept { mark.word.store(1, std::memory_order_release /* P1 */); }
 
-    bool shows(Mark& mark, Moment) noexcept {
-      return mark.word.load(std::memory_order_acquire /* P1 */) != 0;
+    /// 1 if the record beside `mark` is to be seen, else 0.
+    std::uint32_t shows(Mark& mark, Moment) noexcept {
+      return mark.word.load(std::memory_order_acquire /* P1 */);
     }
 
     void clear() noexcept {}
@@ -91,13 +92,14 @@ struct Snapshot {
       stamp(mark);
     }
 
-    bool shows(Mark& mark, Moment moment) noexcept {
+    std::uint32_t shows(Mark& mark, Moment moment) noexcept {
       std::uint64_t stamp_word = mark.word.load(std::memory_order_acquire /* P1, P5 */);
-      if (stamp_word == kPending) {
+      if (stamp_word == kPending) [[unlikely]] {
         stamp(mark);
         stamp_word = mark.word.load(std::memory_order_acquire /* P5 */);
       }
-      return stamp_word > kPending && stamp_word - 1 <= moment;
+      // Stamped, by a tick of at most `moment`: what is empty wraps round.
+      return stamp_word - (kPending + 1) < moment;
     }
 
     /// Quiescent; no mark is set.
