@@ -99,7 +99,10 @@ class PackedRecords {
   void publish(Stored& stored) noexcept { marks_.publish(stored.mark); }
 
   Moment moment() const noexcept { return marks_.moment(); }
-  std::uint32_t shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment); }
+  bool shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment) != 0; }
+  std::uint32_t shows_already(const Stored& stored, Moment moment) const noexcept {
+    return marks_.shows_already(stored.mark, moment);
+  }
 
   /// f(Record&) -> UpdateResult for every record, in parallel over the table, then, if any was dropped, once forget(),
   /// also where f throws. Quiescent.

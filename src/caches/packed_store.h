@@ -12,8 +12,8 @@
 // Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once.
 // The levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the
 // mask, the word of its further lanes and the list's count, and that once more if one of them has a list; then the lanes
-// and places that these showed, once (list_steps), but the mark of the first record up to eight times, which is stamped
-// by then if there are stamps. A cell counts as two lists, its lanes and the rest.
+// and places that these showed, once (list_steps), but the mark of the first record up to eight times, and those that do
+// not show their record at once again. A cell counts as two lists, its lanes and the rest.
 #pragma once
 
 #include <algorithm>
@@ -99,7 +99,7 @@ struct PackedStore {
 
   // Step bounds of queries (caches/session.h).
   static constexpr std::string_view kVisitBound =
-      kIsSnapshot ? "48 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
+      kIsSnapshot ? "48 + per list (3 + links + 6 slots)" : "47 + per list (3 + links + 3 slots)";
   static constexpr std::uint32_t kVisitSteps =
       1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps + kWeighed - 1;
   static_assert(kVisitSteps == (kIsSnapshot ? 48 : 47));
@@ -107,7 +107,7 @@ struct PackedStore {
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
   static constexpr std::uint64_t list_steps(std::uint32_t extent) noexcept {
-    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
+    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * (1 + Marks::kShowsSteps);
   }
 
   /// Calls f(record, weight) for every published record valid at x for accuracy a. `guarded(u, levels)`: called before
@@ -299,14 +299,15 @@ struct PackedStore {
         shown[k] = &stored[k]->record;
       }
       std::array<std::uint32_t, kWeighed> shows;
-      std::uint32_t all = 1;  // of words that are 0 or 1, without comparing each
+      std::uint32_t seen = 0;
 #pragma GCC unroll kWeighed
-      for (std::uint32_t k = 0; k < kWeighed; ++k) all &= shows[k] = records.shows(*stored[k], walk.moment);
-      if (all == 0) [[unlikely]] {
+      for (std::uint32_t k = 0; k < kWeighed; ++k)
+        seen += shows[k] = records.shows_already(*stored[k], walk.moment);
+      if (seen != kWeighed) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
           shown[n] = shown[k];
-          n += shows[k];
+          n += shows[k] != 0 || records.shows(*stored[k], walk.moment);
         }
         if (n == 0) continue;
       }

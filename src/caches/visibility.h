@@ -59,7 +59,8 @@ struct AtFirstSight {
     void publish(Mark& mark) noexcept { mark.word.store(1, std::memory_order_release /* P1 */); }
 
     /// 1 if the record beside `mark` is to be seen, else 0.
-    std::uint32_t shows(Mark& mark, Moment) noexcept {
+    std::uint32_t shows(Mark& mark, Moment moment) noexcept { return shows_already(mark, moment); }
+    std::uint32_t shows_already(const Mark& mark, Moment) const noexcept {
       return mark.word.load(std::memory_order_acquire /* P1 */);
     }
 
@@ -92,14 +93,14 @@ struct Snapshot {
       stamp(mark);
     }
 
-    std::uint32_t shows(Mark& mark, Moment moment) noexcept {
-      std::uint64_t stamp_word = mark.word.load(std::memory_order_acquire /* P1, P5 */);
-      if (stamp_word == kPending) [[unlikely]] {
-        stamp(mark);
-        stamp_word = mark.word.load(std::memory_order_acquire /* P5 */);
-      }
-      // Stamped, by a tick of at most `moment`: what is empty wraps round.
-      return stamp_word - (kPending + 1) < moment;
+    bool shows(Mark& mark, Moment moment) noexcept {
+      if (mark.word.load(std::memory_order_acquire /* P1 */) == kPending) stamp(mark);
+      return shows_already(mark, moment);
+    }
+    /// 1 if `shows` is sure to say so, else 0; writes nothing.
+    std::uint32_t shows_already(const Mark& mark, Moment moment) const noexcept {
+      // Stamped, by a tick of at most `moment`: what is empty or pending wraps round.
+      return mark.word.load(std::memory_order_acquire /* P5 */) - (kPending + 1) < moment;
     }
 
     /// Quiescent; no mark is set.
