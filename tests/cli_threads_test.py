@@ -212,6 +212,21 @@ class Preempt(Case):
                 self.assertTrue(0 <= row["stalled_share"] <= 1)
                 self.assertGreater(row["others_operations_per_second"], 0)
 
+    def test_all_caches_are_those_that_threads_can_share(self):
+        caches = self.preempt("--caches", "all")["context"]["configuration"]["caches"]
+        self.assertIn("packed_wait_free_snapshot", caches)
+        self.assertFalse({"sequential", "packed_sequential", "brute_force"} & set(caches))
+
+    def test_trials_too_short_to_hold_anybody_are_named_on_one_line(self):
+        done = self.run_icbench("preempt", "--caches", "wait_free,packed_wait_free", "--threads", "2", "--workload",
+                                "mix_90_10:records=500:operations=20", "--repetitions", "1", "--pause-ms", "60000",
+                                "--out", "out.json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        warnings = [line for line in done.stderr.splitlines() if line.startswith("warning")]
+        self.assertEqual(len(warnings), 1, done.stderr)
+        for part in "/packed_wait_free/threads:2/held, ", "/wait_free/threads:2/held: ", "--pause-ms":
+            self.assertIn(part, warnings[0])
+
     def test_is_refused_where_nobody_could_be_measured(self):
         self.refuse("preempt", "--caches", "sequential", says=["sequential", "single thread"])
         self.refuse("preempt", "--threads", "1", says=["--threads"])

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 
+#include "cli/cache_list.h"
 #include "cli/command.h"
 #include "cli/options.h"
 #include "files/standard_streams.h"
@@ -54,21 +55,24 @@ void print_summary(const std::vector<Json>& rows) {
                us(v["latency_query_p999_ns"]), us(v["latency_query_max_ns"]),
                100.0 * median(v["stalled_share"]), median(v["holds"]), name);
   }
-  for (const std::string& name : order) {
-    if (!name.ends_with("/held") || median(values[name]["holds"]) > 0.0) continue;
-    tell(
-        "warning: {}: in most trials nobody was held before they were over; give --workload more "
-        "operations, or a shorter --pause-ms\n",
-        name);
-  }
+  std::erase_if(order, [&](const std::string& name) {
+    return !name.ends_with("/held") || median(values[name]["holds"]) > 0.0;
+  });
+  if (order.empty()) return;
+  tell(
+      "warning: {}: in most trials nobody was held before they were over; give --workload more operations, "
+      "or a "
+      "shorter --pause-ms\n",
+      fmt::join(order, ", "));
 }
 
 void preempt_command(const PreemptOptions& o) {
   const Topology topology = Topology::of_this_process();
   PreemptRequest request;
   request.workload = parse_workload(o.workload);
-  request.caches = split_list("--caches", o.caches);
-  require_distinct("--caches", request.caches);
+  std::vector<const CacheEntry*> caches = caches_of(o.caches);
+  if (o.caches == "all") std::erase_if(caches, [](const CacheEntry* e) { return e->traits.single_thread; });
+  request.caches = names_of(caches);
   request.threads = o.threads != 0 ? o.threads : std::max(2u, static_cast<unsigned>(topology.units().size()));
   request.placement = parse_placement(o.placement);
   request.repetitions = o.repetitions;
@@ -134,7 +138,10 @@ void add_preempt(CLI::App& app) {
   const auto o = std::make_shared<PreemptOptions>();
   CLI::App* command =
       app.add_subcommand("preempt", "Hold a thread in mid-operation; measure the others' latencies");
-  command->add_option("--caches", o->caches, "Shared caches, separated by commas; see icbench list caches")
+  command
+      ->add_option("--caches", o->caches,
+                   "Shared caches, separated by commas; all leaves out brute_force, the\noracle; see icbench "
+                   "list caches")
       ->type_name("LIST")
       ->capture_default_str();
   command
