@@ -21,7 +21,7 @@ constexpr auto kOrders = [] {
 }();
 
 /// `reach_of` of every code.
-alignas(64) constexpr auto kReaches = [] {
+[[maybe_unused]] alignas(64) constexpr auto kReaches = [] {
   std::array<float, kReachAlways + 1> reaches{};
   for (std::uint32_t code = 0; code < reaches.size(); ++code) reaches[code] = reach_of(code);
   return reaches;
@@ -90,7 +90,7 @@ struct Query {
 };
 
 /// The reaches of lanes' codes, times the share.
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3 && HWY_MAX_BYTES == 64
 // All of them in two vectors. Highway looks up in one alone.
 struct Reaches {
   HWY_INLINE explicit Reaches(Float share)
@@ -165,7 +165,7 @@ std::uint32_t filter_lanes(float query_share, LaneLayout layout, const LaneRun* 
         const auto mask = hn::LoadMaskBits(words, reinterpret_cast<const std::uint8_t*>(&bits));
         const Word lane = load(strip + i, bits, mask);
         const Word index = load(strip + layout.stride + i, bits, mask);
-        // Nothing is kept of lanes outside the mask, which read as zero.
+        // Nothing is kept of lanes outside the mask, which read as zeros (caches/packed_lanes.h).
         const auto keep = hn::RebindMask(words, keeps_of(reaches, at, lane));
         hn::StoreU(compressed(index, keep), words, end);  // the whole vector
         end += hn::CountTrue(words, keep);

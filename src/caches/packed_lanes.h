@@ -1,8 +1,9 @@
 // Lanes: what a cell of the packed octree knows of a record, 8 bytes of it, and the test that needs no more.
 //
 // A lane is one word for its record's reach, a float of 5 bits, and place, to 9 bits an axis of four cells' width, and
-// one for the record's index. `keeps` tells from the first whether the record may be valid at a point. It is conservative:
-// it never turns away a valid record, and what it keeps is tested exactly by the record itself (core/interpolation.h).
+// one, its index, by which the record is found. `keeps` tells from the first whether the record may be valid at a
+// point. It is conservative: it never turns away a valid record, and what it keeps is tested exactly by the record
+// itself (core/interpolation.h).
 // So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
 // do the same operations in single precision, each correctly rounded. Normals are not in it: a cell holds only records
 // that it is not wholly behind (caches/packed_reach.h), which leaves so few of other orientations that looking for them
@@ -68,8 +69,8 @@ inline float steps_of_unit(int level) noexcept {
   return std::bit_cast<float>(static_cast<std::uint32_t>(127 + kStepBits - kMaxLevel + level) << 23);
 }
 
-/// The first word of a lane of a record in a cell of `level` with lower corner `corner`: the reach, and x, y, z in steps
-/// from kLaneMargin sides in front of the cell. `p` and `reach` in grid units.
+/// The first word of a lane of a record in a cell of `level` with lower corner `corner`: the reach, and x, y, z in
+/// steps from kLaneMargin sides in front of the cell. `p` and `reach` in grid units.
 inline std::uint32_t make_lane(const glm::vec3& p, float reach, const glm::vec3& corner, int level) noexcept {
   constexpr float kEnd = 1 << kPlaceBits;
   const float steps = steps_of_unit(level);
@@ -90,7 +91,7 @@ inline std::uint32_t make_lane(const glm::vec3& p, float reach, const glm::vec3&
 /// Share of its reach that a record may be away from a query for accuracy a: a / a_max, and a little more.
 inline float make_lane_share(float a, float a_max) noexcept { return a / a_max * (1.0f + kRoundingSlack); }
 
-/// Where a query is for the lanes of one cell: steps, from kPlaceOrigin steps before where their places count.
+/// Where a query is for the lanes of one cell, which it is inside: steps from kPlaceOrigin in front of their place 0.
 struct LanePoint {
   float x, y, z;
   float slack;
@@ -113,7 +114,7 @@ constexpr float reach_of(std::uint32_t code) noexcept {
   return code == kReachAlways ? kFarReach : std::bit_cast<float>((code << kReachShift) + kReachBase);
 }
 
-/// Whether a lane's record may be valid; never that of a lane of zeros.
+/// Whether a lane's record may be valid; never that of a lane of zeros. `share`: of make_lane_share, about 1 at most.
 inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept {
   const auto place = [](std::uint32_t bits) {
     return std::bit_cast<float>((bits & kPlaceMask) | std::bit_cast<std::uint32_t>(kPlaceOrigin));
@@ -126,8 +127,10 @@ inline bool keeps(float share, const LanePoint& at, std::uint32_t lane) noexcept
   return distance2 < most * most;
 }
 
-// A query is inside its cell, so kLaneMargin sides from place 0 on every axis.
-static_assert(kLaneMargin * (1 << kStepBits) - 1.0f > 1.01f * reach_of(0) + kSlackSteps + kSlackUnits,
+// A query inside its cell is at least kLaneMargin sides from place 0 on every axis; at the finest level a step is 2^-7
+// grid units.
+static_assert(kLaneMargin * (1 << kStepBits) - 1.0f >
+                  1.01f * reach_of(0) + kSlackSteps + kSlackUnits * (1 << kStepBits),
               "a lane of zeros is kept nowhere");
 
 /// Most lanes that are tested at once.

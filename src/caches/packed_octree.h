@@ -15,7 +15,7 @@
 //
 // Hot cells. A record that finds its cell full goes one level down, into the children it reaches; where those are full
 // as well, into their lists. A second split would not pay: a child is at most 2.1 reaches wide, so most of what is
-// listed there is valid nearby, and every level down makes two to four times the copies. The lists hold indices, and
+// listed there is valid nearby, and every level down makes two to four times the copies. The lists hold places, and
 // their records are tested one by one. No list grows but with what is valid at one point, as long as reaches are at
 // least 1 / 17,000 of the bounds' largest side (kPackedLevels; in wider bounds cells are larger than what is in them,
 // and in 100 km a query among records of 0.1 m reads thousands: give a cache the bounds of what it holds): its records,

@@ -99,9 +99,11 @@ class PackedRecords {
   void publish(Stored& stored) noexcept { marks_.publish(stored.mark); }
 
   Moment moment() const noexcept { return marks_.moment(); }
-  bool shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment) != 0; }
-  std::uint32_t shows_already(const Stored& stored, Moment moment) const noexcept {
-    return marks_.shows_already(stored.mark, moment);
+  bool shows(Stored& stored, Moment moment) noexcept { return marks_.shows(stored.mark, moment); }
+  // The same in steps (caches/visibility.h).
+  typename Marks::Word look(const Stored& stored) const noexcept { return marks_.look(stored.mark); }
+  typename Marks::Word settled(Stored& stored, typename Marks::Word word) noexcept {
+    return marks_.settled(stored.mark, word);
   }
 
   /// f(Record&) -> UpdateResult for every record, in parallel over the table, then, if any was dropped, once forget(),

@@ -11,9 +11,9 @@
 //
 // Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once.
 // The levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the
-// mask, the word of its further lanes and the list's count, and that once more if one of them has a list; then the lanes
-// and places that these showed, once (list_steps), but the mark of the first record up to eight times, and those that do
-// not show their record at once again. A cell counts as two lists, its lanes and the rest.
+// mask, the word of its further lanes and the list's count, and that once more if any of them has a list; then the
+// lanes and places that these showed, once (list_steps), but without snapshots the mark of the first record up to eight
+// times. A cell counts as two lists, its lanes and the rest.
 #pragma once
 
 #include <algorithm>
@@ -99,15 +99,15 @@ struct PackedStore {
 
   // Step bounds of queries (caches/session.h).
   static constexpr std::string_view kVisitBound =
-      kIsSnapshot ? "48 + per list (3 + links + 6 slots)" : "47 + per list (3 + links + 3 slots)";
-  static constexpr std::uint32_t kVisitSteps =
-      1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps + kWeighed - 1;
-  static_assert(kVisitSteps == (kIsSnapshot ? 48 : 47));
+      kIsSnapshot ? "41 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
+  static constexpr std::uint32_t kVisitSteps = 1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) +
+                                               2 + Marks::kMomentSteps + (kIsSnapshot ? 0 : kWeighed - 1);
+  static_assert(kVisitSteps == (kIsSnapshot ? 41 : 47));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
   static constexpr std::uint64_t list_steps(std::uint32_t extent) noexcept {
-    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * (1 + Marks::kShowsSteps);
+    return 2 + List::visit_steps(extent) + std::uint64_t{extent} * Marks::kShowsSteps;
   }
 
   /// Calls f(record, weight) for every published record valid at x for accuracy a. `guarded(u, levels)`: called before
@@ -249,7 +249,7 @@ struct PackedStore {
       // Relaxed: a mask that shows one of its lanes was acquired (P6).
       const UnitIndex more = c.more.load(std::memory_order_relaxed);
       lanes.more = cells.strips(more);
-      candidates.have_lists |= list.is_used(c.rest);
+      candidates.have_lists |= list.was_used(c.rest);
       Sync::extent(static_cast<std::uint32_t>(std::popcount(lanes.mask)));
       for (std::uint64_t rest = lanes.mask; rest != 0; rest &= rest - 1) {
         const std::uint32_t* word = cells.lane(c, more, static_cast<std::uint32_t>(std::countr_zero(rest)));
@@ -298,16 +298,18 @@ struct PackedStore {
         stored[k] = &records.at(places[k]);
         shown[k] = &stored[k]->record;
       }
-      std::array<std::uint32_t, kWeighed> shows;
+      // Flags behind the last record are looked at, too, which spares asking how many there are; stamps are longer.
+      const std::uint32_t looks = kIsSnapshot ? n : kWeighed;
+      std::array<typename Marks::Word, kWeighed> words;
       std::uint32_t seen = 0;
 #pragma GCC unroll kWeighed
-      for (std::uint32_t k = 0; k < kWeighed; ++k)
-        seen += shows[k] = records.shows_already(*stored[k], walk.moment);
-      if (seen != kWeighed) [[unlikely]] {
+      for (std::uint32_t k = 0; k < looks; ++k)
+        seen += Marks::is_shown_by(words[k] = records.look(*stored[k]), walk.moment);
+      if (seen != looks) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
           shown[n] = shown[k];
-          n += shows[k] != 0 || records.shows(*stored[k], walk.moment);
+          n += Marks::is_shown_by(records.settled(*stored[k], words[k]), walk.moment);
         }
         if (n == 0) continue;
       }

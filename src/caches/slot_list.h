@@ -210,9 +210,10 @@ class SlotPool {
     return n;
   }
 
-  /// Whether a list may have an item.
-  bool is_used(const List& list) const noexcept {
-    return list.count.load(std::memory_order_relaxed) != 0;  // as in extent
+  /// Whether a list had an item, or was to have one.
+  bool was_used(const List& list) const noexcept {
+    // Relaxed: an append that a visit must see was counted before the visit began, and it need not see more.
+    return list.count.load(std::memory_order_relaxed) != 0;
   }
 
   /// What a query has to read before it visits its first list.

@@ -58,11 +58,14 @@ struct AtFirstSight {
     /// Makes the record beside `mark` visible.
     void publish(Mark& mark) noexcept { mark.word.store(1, std::memory_order_release /* P1 */); }
 
-    /// 1 if the record beside `mark` is to be seen, else 0.
-    std::uint32_t shows(Mark& mark, Moment moment) noexcept { return shows_already(mark, moment); }
-    std::uint32_t shows_already(const Mark& mark, Moment) const noexcept {
-      return mark.word.load(std::memory_order_acquire /* P1 */);
-    }
+    /// Whether the record beside `mark` is to be seen.
+    bool shows(Mark& mark, Moment) noexcept { return look(mark) != 0; }
+
+    // The same in steps: what a mark says, what it says at last, and whether that, 1 or 0, shows the record.
+    using Word = std::uint32_t;
+    Word look(const Mark& mark) const noexcept { return mark.word.load(std::memory_order_acquire /* P1 */); }
+    Word settled(Mark&, Word word) noexcept { return word; }
+    static std::uint32_t is_shown_by(Word word, Moment) noexcept { return word; }
 
     void clear() noexcept {}
   };
@@ -94,13 +97,21 @@ struct Snapshot {
     }
 
     bool shows(Mark& mark, Moment moment) noexcept {
-      if (mark.word.load(std::memory_order_acquire /* P1 */) == kPending) stamp(mark);
-      return shows_already(mark, moment);
+      return is_shown_by(settled(mark, look(mark)), moment) != 0;
     }
-    /// 1 if `shows` is sure to say so, else 0; writes nothing.
-    std::uint32_t shows_already(const Mark& mark, Moment moment) const noexcept {
+
+    using Word = std::uint64_t;
+    Word look(const Mark& mark) const noexcept {
+      return mark.word.load(std::memory_order_acquire /* P1, P5 */);
+    }
+    Word settled(Mark& mark, Word word) noexcept {
+      if (word != kPending) return word;
+      stamp(mark);
+      return look(mark);
+    }
+    static std::uint32_t is_shown_by(Word word, Moment moment) noexcept {
       // Stamped, by a tick of at most `moment`: what is empty or pending wraps round.
-      return mark.word.load(std::memory_order_acquire /* P5 */) - (kPending + 1) < moment;
+      return word - (kPending + 1) < moment;
     }
 
     /// Quiescent; no mark is set.
