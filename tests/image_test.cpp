@@ -159,6 +159,45 @@ TEST(Exr, OtherLayoutsAreRefused) {
   EXPECT_TRUE(is_one_line_with(error_of([&] { read_image(folder / "tiled.exr"); }), "scan-line"));
 }
 
+// Y means grey only where nothing beside it has colour; samples that stand for several pixels are none of an image's.
+TEST(Exr, ChannelsThatAreNotTheWholePictureAreRefused) {
+  TemporaryFolder folder;
+  struct Named {
+    const char* name;
+    int x, y;  // sampling
+  };
+  const auto said = [&](const std::vector<Named>& channels) {
+    const std::vector<float> values(24, 0.5f);
+    Imf::Header header(4, 4);
+    Imf::FrameBuffer buffer;
+    for (const auto& [name, x, y] : channels) {
+      header.channels().insert(name, Imf::Channel(Imf::FLOAT, x, y));
+      buffer.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(const_cast<float*>(values.data())),
+                                     sizeof(float), 4 * sizeof(float), x, y));
+    }
+    {
+      Imf::OutputFile file((folder / "image.exr").c_str(), header);
+      file.setFrameBuffer(buffer);
+      file.writePixels(4);
+    }
+    return error_of([&] { read_image(folder / "image.exr"); });
+  };
+  EXPECT_EQ(said({{"Y", 1, 1}, {"A", 1, 1}}), "");
+  EXPECT_EQ(said({{"R", 1, 1}, {"G", 1, 1}, {"B", 1, 1}, {"Y", 1, 1}, {"Z", 1, 1}}), "");
+  const std::vector<std::vector<Named>> partial = {
+      {{"Y", 1, 1}, {"RY", 2, 2}},
+      {{"Y", 1, 1}, {"BY", 2, 2}},
+      {{"X", 1, 1}, {"Y", 1, 1}},
+      {{"Y", 1, 1}, {"Z", 1, 1}},
+      {{"Y", 2, 1}},
+      {{"Y", 1, 2}},
+      {{"R", 1, 1}, {"G", 1, 1}},
+      {{"R", 1, 1}, {"G", 1, 1}, {"B", 1, 2}},
+  };
+  for (const std::vector<Named>& channels : partial)
+    EXPECT_TRUE(is_one_line_with(said(channels), "neither channels R, G, B nor Y alone")) << channels[0].name;
+}
+
 TEST(Srgb, FollowsTheStandard) {
   EXPECT_EQ(srgb_from_linear(0.0f), 0.0f);
   EXPECT_FLOAT_EQ(srgb_from_linear(1.0f), 1.0f);
@@ -228,6 +267,17 @@ TEST(Png, ColoursThatAPaletteLacksAreBlack) {
   }
 }
 
+TEST(Png, PalettesHoldWholeColoursAndNoMoreThanCanBeNamed) {
+  const auto read = [](std::size_t bytes) {
+    return decode_png(
+        one_row_png(1, 8, 3, std::string(1, '\0'), png_chunk("PLTE", std::string(bytes, '\xff'))));
+  };
+  EXPECT_EQ(read(3).pixels.at(0), glm::vec3(1.0f));
+  EXPECT_EQ(read(768).pixels.at(0), glm::vec3(1.0f));
+  for (const std::size_t bytes : {2u, 4u, 767u, 771u, 4096u})
+    EXPECT_TRUE(is_one_line_with(error_of([&] { read(bytes); }), "the palette")) << bytes;
+}
+
 TEST(Png, SamplesAreReadByTheGammaThatTheFileStates) {
   const auto read = [](const std::string& before) {
     return decode_png(one_row_png(3, 8, 0, {'\0', '\x80', '\xff'}, before)).pixels;
@@ -238,7 +288,8 @@ TEST(Png, SamplesAreReadByTheGammaThatTheFileStates) {
   EXPECT_EQ(read(light), (std::vector{glm::vec3(0.0f), glm::vec3(half), glm::vec3(1.0f)}));
   EXPECT_FLOAT_EQ(read(png_chunk("gAMA", big_endian(50'000))).at(1).r, half * half);
   EXPECT_EQ(read(png_chunk("gAMA", big_endian(45'455))), srgb) << "what writers of sRGB state";
-  EXPECT_EQ(read(light + png_chunk("sRGB", {'\0'})), srgb) << "which has precedence";
+  for (const char* const name : {"sRGB", "iCCP", "cICP"})
+    EXPECT_EQ(read(light + png_chunk(name, {'\0'})), srgb) << "which has precedence: " << name;
   EXPECT_EQ(read(png_chunk("gAMA", big_endian(0))), srgb) << "which means nothing";
 }
 

@@ -97,6 +97,42 @@ TEST(Flip, OneColouredPixel) {
   EXPECT_NEAR(blue.at(4, 0), 0.022829f, 1e-4f);
 }
 
+// Filters leave colours that no display has; they count as the nearest that it has.
+TEST(Flip, OnePixelAroundWhichFiltersLeaveTheDisplaysColours) {
+  const Dot blue(glm::vec3(0.0f), {0.0f, 0.0f, 1.0f});
+  EXPECT_NEAR(blue.at(0, 0), 0.406942f, 1e-4f);
+  EXPECT_NEAR(blue.at(4, 0), 0.047398f, 1e-4f);
+  EXPECT_NEAR(blue.at(6, 0), 0.019575f, 1e-4f);
+  const Dot green({1.0f, 0.0f, 0.0f}, {0.0f, 1.0f, 0.0f});
+  EXPECT_NEAR(green.at(2, 0), 0.176486f, 1e-4f);
+  EXPECT_NEAR(green.at(4, 0), 0.0f, 1e-4f);
+}
+
+// The edge's pixels go on outside.
+TEST(Flip, OnePixelAtTheEdge) {
+  const auto errors = [](const glm::vec3& ground, std::size_t place, const glm::vec3& colour) {
+    const Image plain = constant(12, 9, ground);
+    Image dotted = plain;
+    dotted.pixels[place] = colour;
+    return ldr_flip(plain, dotted, kPixelsPerDegree);
+  };
+  const std::vector<float> white = errors(glm::vec3(0.0f), 1, glm::vec3(1.0f));
+  EXPECT_NEAR(white[0], 0.906616f, 1e-4f);
+  EXPECT_NEAR(white[1], 0.968240f, 1e-4f);
+  EXPECT_NEAR(white[3], 0.659704f, 1e-4f);
+  EXPECT_NEAR(white[2 * 12], 0.476396f, 1e-4f);
+  EXPECT_NEAR(white[3 * 12 + 1], 0.177196f, 1e-4f);
+  const std::vector<float> blue = errors(glm::vec3(0.5f), 107, {0.5f, 0.5f, 1.0f});
+  EXPECT_NEAR(blue[107], 0.385929f, 1e-4f);
+  EXPECT_NEAR(blue[105], 0.228901f, 1e-4f);
+  EXPECT_NEAR(blue[5 * 12 + 11], 0.166127f, 1e-4f);
+}
+
+TEST(Flip, LdrOutsideTheRangeOfDisplaysIsAtItsEnds) {
+  EXPECT_EQ(of_patches(glm::vec3(1.0f), {1.0f, 3.0f, 1e30f}), 0.0f);
+  EXPECT_EQ(of_patches(glm::vec3(0.0f), {0.0f, -3.0f, -1e30f}), 0.0f);
+}
+
 TEST(Flip, IsSymmetricForLdr) {
   const Image a = noise(40, 30, 2), b = noise(40, 30, 3);
   EXPECT_EQ(ldr_flip(a, b, kPixelsPerDegree), ldr_flip(b, a, kPixelsPerDegree));

@@ -380,6 +380,38 @@ TEST(HdrVdp, PatchIsSeenWhereItIsAndAboveItsThreshold) {
   }
 }
 
+// The same at an angle, on pixels of any shape: an orientation of the cortex to itself, seen less than upright ones.
+TEST(HdrVdp, ObliquePatchesAreSeenAboveTheirOwnThreshold) {
+  constexpr int kSize = 160;
+  constexpr double kPeriod = 6.0, kLevel = 50.0, kWindow = 20.0, kAngle = kPi / 6.0;
+  for (const double height : {0.3, 0.2}) {
+    Viewing viewing = luminance_viewing();
+    viewing.display_height = height;
+    const PixelsPerDegree ppd = pixels_per_degree(viewing);
+    const double fx = ppd.x * std::cos(kAngle) / kPeriod, fy = ppd.y * std::sin(kAngle) / kPeriod;
+    const SensitivityConditions at{kLevel, kSize / ppd.x * (kSize / ppd.y), 0.5};
+    const double threshold = threshold_contrast(kLevel) * peak_sensitivity(at) /
+                             contrast_sensitivity(std::hypot(fx, fy), std::atan2(fy, fx), at);
+    const Image uniform = grey(kSize, kSize, kLevel);
+    for (const double units : {0.8, 1.0, 1.25}) {
+      Image image = uniform, map;
+      for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+        const double x = static_cast<double>(i % kSize) - kSize / 2,
+                     y = static_cast<double>(i / kSize) - kSize / 2;
+        const double along = x * std::cos(kAngle) + y * std::sin(kAngle);
+        const double window = std::exp(-0.5 * (x * x + y * y) / (kWindow * kWindow));
+        image.pixels[i] *=
+            static_cast<float>(1.0 + units * threshold * window * std::cos(2.0 * kPi * along / kPeriod));
+      }
+      seen(uniform, image, viewing, &map);
+      const float middle = map.pixels[kSize / 2 * kSize + kSize / 2].x;
+      const auto chance = [](double c) { return 1.0 - std::exp(-std::pow(c, kPsychometricSlope)); };
+      EXPECT_GT(middle, chance(0.95 * units)) << units << " on a display of " << height << " m";
+      EXPECT_LT(middle, chance(1.05 * units)) << units << " on a display of " << height << " m";
+    }
+  }
+}
+
 TEST(HdrVdp, HardCases) {
   for (const auto& [width, height] : {std::pair{1, 1}, {1, 9}, {67, 3}}) {
     const Image levels[] = {grey(width, height, 0.0), grey(width, height, 1e-20), grey(width, height, 1e20),
@@ -406,6 +438,41 @@ TEST(HdrVdp, MapPaintsGreyGreenRed) {
   EXPECT_TRUE(painted.pixels[1].g > 0.1f && painted.pixels[1].r < 1e-6f && painted.pixels[1].b == 0.0f);
   EXPECT_TRUE(painted.pixels[2].r > 0.1f && painted.pixels[2].g < 1e-6f && painted.pixels[2].b == 0.0f);
   EXPECT_NEAR(painted.pixels[3].r, painted.pixels[2].r, 1e-6f);
+}
+
+TEST(HdrVdp, PaintsOnGreyOfWhichTheMeanOfWhatIsLitIsAQuarter) {
+  Image reference = grey(5, 1, 0.0), map = grey(5, 1, 0.0);
+  reference.pixels[1] = glm::vec3(1.0f);
+  reference.pixels[2] = reference.pixels[3] = reference.pixels[4] = glm::vec3(4.0f);
+  const auto key = static_cast<float>(std::pow(4.0, 0.75));
+  const float lit = 4.0f / (4.0f + 3.0f * key), shade = 0.15f + 0.85f * lit;
+  map.pixels[3] = glm::vec3(0.625f);
+  map.pixels[4] = glm::vec3(0.85f);
+  const Image painted = paint_hdrvdp(map, reference);
+  const auto expect_near = [](const glm::vec3& a, const glm::vec3& b) {
+    EXPECT_LT(glm::distance(a, b), 1e-5f);
+  };
+  expect_near(painted.pixels[0], glm::vec3(0.0f));
+  expect_near(painted.pixels[1], glm::vec3(1.0f / (1.0f + 3.0f * key)));
+  expect_near(painted.pixels[2], glm::vec3(lit));
+  expect_near(painted.pixels[3], 0.5f * glm::vec3(lit) + 0.5f * shade * glm::vec3(0, 1, 0));
+  expect_near(painted.pixels[4], shade * glm::vec3(0.5f, 0.5f, 0));
+  expect_near(paint_hdrvdp(grey(1, 1, 0.0), grey(1, 1, 3.0)).pixels[0], glm::vec3(0.25f));
+}
+
+// What no two luminances tell apart is the same, next to whatever difference.
+TEST(HdrVdp, LuminancesThatHardlyDifferAreTheSame) {
+  const Image uniform = grey(64, 64, 1.0);
+  Image image = uniform, map;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const std::size_t x = i % 64;
+    image.pixels[i] += glm::vec3(x < 4 ? (x % 2 ? 0.5f : -0.3f) : x == 4 ? 2e-4f : x == 5 ? 5e-5f : 0.0f);
+  }
+  seen(uniform, image, luminance_viewing(), &map);
+  for (std::size_t y = 0; y < 64; ++y) {
+    EXPECT_GT(map.pixels[y * 64 + 4].x, 0.0f);
+    EXPECT_EQ(map.pixels[y * 64 + 5].x, 0.0f);
+  }
 }
 
 TEST(Viewing, PixelsPerDegree) {

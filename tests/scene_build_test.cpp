@@ -92,6 +92,51 @@ TEST(ScenePrepare, NamesWhatIsWrongInOneLine) {
          };
        },
        "point light 0 has a coordinate of 1e+30 m"},
+      {[](Scene& s) { s.frames = 0; }, "has no frame"},
+      {[](Scene& s) {
+         s.materials[0].emission.x = 1.0f;
+         s.materials[0].surface = Surface::mirror;
+       },
+       "material 0 is specular and emits"},
+      {[](Scene& s) {
+         s.materials[0].surface = Surface::dielectric;
+         s.materials[0].ior = 1.0f;
+       },
+       "index of refraction 1;"},
+      {[](Scene& s) {
+         s.materials[0].surface = Surface::dielectric;
+         s.materials[0].ior = 10.5f;
+       },
+       "index of refraction 10.5;"},
+      {[](Scene& s) {
+         s.textures.push_back({"t", 1, 1, {1, 2, 3}});
+         s.materials[0].texture = 1;
+       },
+       "material 0 names texture 1 of 1"},
+      {[](Scene& s) {
+         s.textures.push_back({"t", 1, 1, {1, 2, 3, 4}});
+       },
+       "texture 't' has 4 bytes for 1 x 1"},
+      {[](Scene& s) { s.meshes[0].uvs.resize(3); }, "3 texture coordinates for 4 vertices"},
+      {[](Scene& s) {
+         s.point_lights.push_back({.axis = {0, 0, 2}});
+       },
+       "the axis of point light 0"},
+      {[](Scene& s) {
+         s.point_lights.push_back({.intensity = {0, -1, 0}});
+       },
+       "point light 0 has intensity -1"},
+      {[](Scene& s) { s.point_lights.push_back({.cos_inner = 0.5f, .cos_outer = 0.6f}); },
+       "point light 0 needs -1 <= cos_outer"},
+      {[](Scene& s) {
+         s.meshes[0].pose = [](float) { return Pose{}; };
+         s.meshes[0].deform = [](float, std::span<glm::vec3>, std::span<glm::vec3>) {};
+       },
+       "moves rigidly and deforms"},
+      {[](Scene& s) {
+         s.meshes[0].pose = [](float) { return Pose{{{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {}}; };
+       },
+       "flattens or mirrors"},
       {[](Scene& s) { place(s.meshes[0], 1e-20f, 0.0f, {}); }, "scale it"},
       {[](Scene& s) { place(s.meshes[0], 1e20f, 0.0f, {}); }, "scale it"},
       {[](Scene& s) { s.meshes[0].positions.assign(4, glm::vec3(1.0f)); }, "only degenerate triangles"},
@@ -101,6 +146,89 @@ TEST(ScenePrepare, NamesWhatIsWrongInOneLine) {
     EXPECT_NE(said.find(expected), std::string::npos)
         << "expected '" << expected << "', got '" << said << "'";
     EXPECT_EQ(said.find('\n'), std::string::npos);
+  }
+}
+
+// A mesh that stands still, one that moves, and an instance of that one, which a test spoils.
+TEST(ScenePrepare, InstancesAreOfAMovingMeshWithAShapeAndHaveNone) {
+  const auto still = [](float) { return Pose{}; };
+  const auto of_instance = [&](const std::function<void(Scene&, Mesh&)>& spoil) {
+    return complaint([&](Scene& s) {
+      s.meshes.push_back(quad("owner", {}, {1, 0, 0}, {0, 1, 0}, 0));
+      s.meshes[1].pose = still;
+      Mesh instance{"instance", {}, {}, {}, 0, {}, still, {}, 1};
+      spoil(s, instance);
+      s.meshes.push_back(std::move(instance));
+    });
+  };
+  EXPECT_EQ(of_instance([](Scene&, Mesh&) {}), "");
+  const std::pair<std::function<void(Scene&, Mesh&)>, const char*> cases[] = {
+      {[](Scene&, Mesh& m) { m.instance_of = 7; }, "an instance of mesh 7, which has no shape"},
+      {[](Scene&, Mesh& m) { m.instance_of = 2; }, "an instance of mesh 2, which has no shape"},
+      {[](Scene&, Mesh& m) { m.instance_of = 0; }, "need a pose each"},
+      {[](Scene&, Mesh& m) { m.pose = {}; }, "need a pose each"},
+      {[](Scene&, Mesh& m) { m.triangles.emplace_back(0, 1, 2); }, "is an instance and has vertices"},
+      {[](Scene&, Mesh& m) { m.positions.emplace_back(); }, "is an instance and has vertices"},
+  };
+  for (const auto& [spoil, expected] : cases) {
+    const std::string said = of_instance(spoil);
+    EXPECT_NE(said.find(expected), std::string::npos)
+        << "expected '" << expected << "', got '" << said << "'";
+  }
+}
+
+// Where an instance shows a shape larger, its small triangles have a surface.
+TEST(ScenePrepare, TrianglesAreAsLargeAsTheLargestInstanceShowsThem) {
+  const auto dropped = [](float scale) {
+    Scene s = one_quad();
+    Mesh owner = quad("owner", {}, {1e-7f, 0, 0}, {0, 1e-7f, 0}, 0);
+    owner.pose = [](float) { return Pose{}; };
+    const auto larger = [scale](float) { return Pose{glm::mat3(scale), {}}; };
+    s.meshes.push_back(std::move(owner));
+    s.meshes.push_back({"instance", {}, {}, {}, 0, {}, larger, {}, 1});
+    prepare(s);
+    return s.dropped_triangles;
+  };
+  EXPECT_EQ(dropped(1.0f), 2u);
+  EXPECT_EQ(dropped(1e6f), 0u);
+}
+
+TEST(ScenePrepare, BrightnessIsThatOfAllPointLights) {
+  const auto lit = [](int lights) {
+    return complaint([&](Scene& s) {
+      for (int i = 0; i < lights; ++i)
+        s.point_lights.push_back({.p = {0.5f, 0.5f, 1.0f}, .intensity = glm::vec3(0.6e30f)});
+    });
+  };
+  EXPECT_EQ(lit(1), "");
+  EXPECT_NE(lit(2).find("too bright so close to the scene"), std::string::npos);
+}
+
+TEST(ScenePrepare, TheSceneIsThatOfFrameZero) {
+  Scene s = one_quad();
+  s.frames = 3;
+  s.point_lights.push_back({.p = {0, 0, 1}, .intensity = glm::vec3(7)});
+  s.change_light = [](float frame, std::span<Material> materials, std::span<PointLight> lights) {
+    materials[0].albedo = glm::vec3(0.25f * frame);
+    lights[0].intensity = glm::vec3(1 + frame);
+  };
+  s.meshes[0].deform = [](float frame, std::span<glm::vec3> positions, std::span<glm::vec3>) {
+    positions[2] = {2, 2, frame};
+  };
+  prepare(s);
+  EXPECT_EQ(s.materials[0].albedo, glm::vec3(0));
+  EXPECT_EQ(s.point_lights[0].intensity, glm::vec3(1));
+  EXPECT_EQ(s.meshes[0].positions[2], glm::vec3(2, 2, 0));
+  EXPECT_NEAR(s.bounds.upper.z, 2.0f, 1e-3f) << "of all frames";
+}
+
+TEST(Scene, MirrorsAndGlassThatAreShownAreSpecular) {
+  Scene s = one_quad();
+  s.add_material({.surface = Surface::mirror});
+  EXPECT_FALSE(s.has_specular()) << "no mesh has that material";
+  for (const Surface surface : {Surface::mirror, Surface::dielectric}) {
+    s.materials[0].surface = surface;
+    EXPECT_TRUE(s.has_specular());
   }
 }
 
@@ -134,31 +262,6 @@ TEST(ScenePrepare, OfWhatMovesAPointCountsForNothingEither) {
   prepare(s);
   EXPECT_EQ(s.dropped_triangles, 1u);
   EXPECT_LT(s.bounds.upper.x, 1.001f);
-}
-
-TEST(SceneKeys, KnowWhereThingsStandAtAFrameAndHowTheCameraLooks) {
-  const auto scene = [](float reach, float camera) {
-    Scene s = one_quad();
-    s.frames = 4;
-    s.meshes[0].pose = [=](float frame) {
-      return Pose{glm::mat3(1.0f), glm::vec3(reach * frame, 0.0f, 0.0f)};
-    };
-    s.camera_path = [=, still = s.camera](float frame) {
-      Camera c = still;
-      c.fov_y += camera * frame;
-      return c;
-    };
-    return s;
-  };
-  const Scene a = scene(0.1f, 0.0f), other_motion = scene(0.2f, 0.0f), other_view = scene(0.1f, 0.1f);
-  EXPECT_EQ(light_key(a, 0), light_key(other_motion, 0));
-  EXPECT_NE(light_key(a, 1), light_key(other_motion, 1));
-  EXPECT_EQ(light_key(a, 1), light_key(other_view, 1));
-  EXPECT_NE(picture_key(a, 1), picture_key(other_view, 1));
-  EXPECT_EQ(picture_key(a, 0), picture_key(other_view, 0));
-  Scene renamed = a;
-  renamed.name = "another";
-  EXPECT_EQ(picture_key(a, 2), picture_key(renamed, 2));
 }
 
 TEST(ScenePrepare, BoundsHoldAllSurfacesButNotUnusedVertices) {

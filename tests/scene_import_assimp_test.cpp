@@ -3,15 +3,23 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <assimp/Exporter.hpp>
 #include <assimp/Importer.hpp>
+#include <cmath>
+#include <filesystem>
 #include <glm/geometric.hpp>
+#include <numbers>
+#include <string>
 
 #include "import_support.h"
 #include "render/ray_tracer.h"
+#include "scene/shapes.h"
 
 namespace icbench {
 namespace {
+
+constexpr double kPi = std::numbers::pi;
 
 TEST(ImportAssimp, AnObjFileComesWithItsMaterialsAndTextures) {
   const TemporaryFolder folder;
@@ -175,6 +183,104 @@ TEST(ImportAssimp, AColladaFileComesInMetresWithItsAnimationAndCamera) {
   expect_near(imported.scene.camera.eye, {0, 0, 5}, 1e-4f);
   const Camera& camera = imported.scene.camera;
   expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-5f);
+}
+
+// The same under a lamp.
+std::string collada_with(const std::string& lamp) {
+  std::string text = kCollada;
+  const auto replace = [&](const std::string& what, const std::string& by) {
+    const std::size_t at = text.find(what);
+    EXPECT_NE(at, text.npos) << what;
+    text.replace(at, what.size(), by);
+  };
+  replace("<library_geometries>", "<library_lights><light id=\"l\"><technique_common>" + lamp +
+                                      "</technique_common></light></library_lights><library_geometries>");
+  replace("</visual_scene>",
+          "<node id=\"lamp\" name=\"lamp\"><translate>0 300 0</translate><instance_light url=\"#l\"/></node>"
+          "</visual_scene>");
+  return text;
+}
+
+TEST(ImportAssimp, CamerasHaveTheVerticalAngleThatBelongsToTheirHorizontalOneOrANote) {
+  const std::string camera =
+      "*CAMERAOBJECT { *NODE_NAME \"eye\" *CAMERA_TYPE Free *CAMERA_SETTINGS { *CAMERA_FOV 1.2 } }\n";
+  const TemporaryFolder folder;
+  write(folder / "paint.png", quarters_png());
+  write(folder / "square.ase", kTiledSquare + camera);
+  const ImportedScene known = import_scene(folder / "square.ase");
+  EXPECT_NEAR(known.scene.camera.fov_y, 2.0 * std::atan(0.75 * std::tan(0.6)), 1e-6);  // of pictures of 4 : 3
+  EXPECT_FALSE(has_note(known, "angle is lost"));
+  const ImportedScene lost = import_text("move.dae", kCollada);  // by assimp 5.2
+  EXPECT_NE(has_note(lost, "angle is lost"), std::abs(lost.scene.camera.fov_y - kPi / 3.0) < 1e-5);
+}
+
+TEST(ImportAssimp, LampsGiveWhatTheirFallOffLeavesAtOneMetre) {
+  const auto light = [](const std::string& lamp) {
+    return import_text("lit.dae", collada_with(lamp)).scene.point_lights.at(0);
+  };
+  const PointLight plain = light("<point><color>2 4 6</color></point>");
+  expect_near(plain.intensity, {2, 4, 6}, 1e-6f);
+  expect_near(plain.p, {0, 3, 0}, 1e-4f);
+  const PointLight weak = light(
+      "<point><color>2 4 6</color><constant_attenuation>1</constant_attenuation>"
+      "<linear_attenuation>0.5</linear_attenuation><quadratic_attenuation>0.5</quadratic_attenuation></"
+      "point>");
+  expect_near(weak.intensity, {1, 2, 3}, 1e-6f);
+  const PointLight spot = light("<spot><color>1 1 1</color><falloff_angle>60</falloff_angle></spot>");
+  EXPECT_NEAR(spot.cos_inner, std::cos(kPi / 6.0), 1e-5) << "the angle is that of the whole cone";
+  EXPECT_LT(spot.cos_outer, spot.cos_inner);
+  EXPECT_GT(spot.cos_outer, 0.0f);
+}
+
+TEST(ImportAssimp, NodesStandWhereTheirMatricesPutThem) {
+  std::string text = kCollada;
+  text.insert(text.find("</visual_scene>"),
+              "<node id=\"turned\" name=\"turned\"><matrix>0 -1 0 500  1 0 0 0  0 0 1 0  0 0 0 1</matrix>"
+              "<instance_geometry url=\"#g\"/></node>");
+  const Scene scene = import_text("still.dae", text).scene;
+  const auto still =
+      std::find_if(scene.meshes.begin(), scene.meshes.end(), [](const Mesh& m) { return !m.pose; });
+  ASSERT_NE(still, scene.meshes.end());
+  const Bounds box = bounds_of(*still);
+  expect_near(box.lower, {4, 0, 0}, 1e-4f);
+  expect_near(box.upper, {5, 1, 0}, 1e-4f);
+  EXPECT_NEAR(area(*still).z, 0.5, 1e-5);
+}
+
+TEST(ImportAssimp, TexturesAreFoundByTheirPathOrBesideTheFile) {
+  const TemporaryFolder folder;
+  std::filesystem::create_directory(folder / "maps");
+  write(folder / "maps" / "paint.png", quarters_png());
+  write(folder / "beside.png", quarters_png());
+  for (const char* const path :
+       {"maps/paint.png", "maps\\paint.png", "gone/beside.png", "C:\\gone\\beside.png"}) {
+    write(folder / "square.mtl", std::string("newmtl paint\nKd 0 0 0\nmap_Kd ") + path + "\n");
+    write(folder / "square.obj",
+          "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+          "usemtl paint\nf 1/1 2/2 3/3 4/4\n");
+    EXPECT_EQ(
+        error_of([&] {
+          // The texture stands for the colour, which is black beside it.
+          expect_near(albedo_at(import_scene(folder / "square.obj").scene, 0.25f, 0.75f), {1, 0, 0}, 1e-5f);
+        }),
+        "")
+        << path;
+  }
+}
+
+TEST(ImportAssimp, GlassIsWhatIsMoreThanHalfTransparentAndClearWhereItsColourIsBlack) {
+  const TemporaryFolder folder;
+  const auto read = [&](const char* looks) {
+    write(folder / "pane.mtl", std::string("newmtl pane\n") + looks + "\n");
+    write(folder / "pane.obj", "mtllib pane.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl pane\nf 1 2 3\n");
+    const Scene scene = import_scene(folder / "pane.obj").scene;
+    return scene.materials[scene.meshes[0].material];
+  };
+  EXPECT_EQ(read("Kd .5 1 1\nd 0.5").surface, Surface::diffuse);
+  EXPECT_EQ(read("Kd .5 1 1\nd 0.25").surface, Surface::dielectric);
+  expect_near(read("Kd .5 1 1\nd 0.25").albedo, {0.5f, 1, 1}, 1e-6f);
+  expect_near(read("Kd 0 0 0\nd 0.25").albedo, {1, 1, 1}, 1e-6f);
+  expect_near(read("Kd 0 0 0\nd 1").albedo, {0, 0, 0}, 1e-6f);
 }
 
 TEST(ImportAssimp, AnFbxFileComesInMetres) {

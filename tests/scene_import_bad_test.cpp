@@ -131,6 +131,10 @@ TEST(ImportBadGltf, BytesThatAreNoNumbersOrIndicesAreNamed) {
   GltfFile back = spinning_cube();
   back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({0, 2, 1});
   EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "does not increase at key 2"));
+  back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({0, 1, 1});
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "does not increase at key 2"));
+  back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({0, 1});
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "has 3 values for 2 times"));
 }
 
 TEST(ImportBadGltf, DepthIsLimitedInTextAndInTheHierarchy) {

@@ -2,9 +2,13 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
+#include <cmath>
 #include <glm/geometric.hpp>
 #include <numbers>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 #include "import_support.h"
 #include "render/ray_tracer.h"
@@ -42,6 +46,62 @@ TEST(ImportRadiance, CurvedSurfacesFaceTheRightWayAndHaveTheRightSize) {
   EXPECT_NEAR(area(ring).z, -0.75 * kPi, 0.01);
 }
 
+TEST(ImportRadiance, ASphereOfNegativeRadiusIsABubble) {
+  EXPECT_NEAR(rad_volume("red sphere s 0 0 4 1 2 3 -.5"), -4.0 / 3.0 * kPi * 0.125, 0.005);
+  EXPECT_NEAR(rad_volume("red bubble s 0 0 4 1 2 3 -.5"), 4.0 / 3.0 * kPi * 0.125, 0.005);
+}
+
+// They stray by a five-hundredth of the radius, whatever that is.
+TEST(ImportRadiance, CurvedSurfacesHaveFacetsOfTheirRadius) {
+  for (const double radius : {0.02, 1.0, 30.0}) {
+    const std::string r = std::to_string(radius);
+    const Mesh mesh =
+        import_text("s.rad", kRed + ("red cylinder c 0 0 7 0 0 0 0 0 " + r + " " + r)).scene.meshes[0];
+    double nearest = 1.0;
+    for (const glm::uvec3& t : mesh.triangles)
+      for (const auto& [a, b] : {std::pair{t.x, t.y}, {t.y, t.z}, {t.z, t.x}}) {
+        const glm::dvec3 middle = 0.5 * (glm::dvec3(mesh.positions[a]) + glm::dvec3(mesh.positions[b]));
+        nearest = std::min(nearest, std::hypot(middle.x, middle.y) / radius);
+      }
+    EXPECT_GT(nearest, 1.0 - 2.01e-3) << radius;
+    EXPECT_LT(nearest, 1.0 - 1e-3) << radius;
+  }
+}
+
+TEST(ImportRadiance, TheNormalsOfConesSlant) {
+  for (const bool is_cup : {false, true}) {
+    const std::string type = is_cup ? "cup" : "cone";
+    const Mesh mesh =
+        import_text("s.rad", kRed + ("red " + type + " c 0 0 8 0 0 1 0 0 5 4 1")).scene.meshes[0];
+    ASSERT_EQ(mesh.normals.size(), mesh.positions.size());
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+      const glm::vec3 p = mesh.positions[v], out = glm::normalize(glm::vec3(p.x, p.y, 0));
+      // 3 in for 4 up.
+      expect_near(mesh.normals[v], (is_cup ? -1.0f : 1.0f) * (0.8f * out + glm::vec3(0, 0, 0.6f)), 1e-5f);
+    }
+  }
+}
+
+TEST(ImportRadiance, OfOneMaterialWhatIsFlatStaysFlat) {
+  const std::string surfaces =
+      "red sphere s 0 0 4 0 0 0 1\nred ring r 0 0 8 0 0 2 0 0 1 0 1\nred polygon p 0 0 9 0 0 3 1 0 3 0 1 3\n";
+  const Scene scene = import_text("s.rad", kRed + surfaces).scene;
+  ASSERT_EQ(scene.meshes.size(), 2u);
+  for (const Mesh& mesh : scene.meshes)
+    EXPECT_EQ(mesh.normals.size(), mesh.positions[0].z < 1.5f ? mesh.positions.size() : 0u);
+}
+
+TEST(ImportRadiance, WordsMayBeQuotedAndNumbersSigned) {
+  const Scene scene = import_text("s.rad",
+                                  "void plastic 'a red' 0 0 5 +.5 0 0 0 0\n"
+                                  "\"a red\" polygon \"p q\" 0 0 9 0 0 0 +1 0 0 0 +1e0 0\n")
+                          .scene;
+  EXPECT_EQ(scene.materials[scene.meshes.at(0).material].albedo, kRedAlbedo);
+  EXPECT_NEAR(area(scene.meshes[0]).z, 0.5, 1e-6);
+  EXPECT_TRUE(is_one_line_with(error_of([] { import_text("s.rad", "void plastic 'a\nb' 0 0 x"); }),
+                               "line 2: 'x' is not the number of real arguments"));
+}
+
 TEST(ImportRadiance, CurvedSurfacesAreSmooth) {
   const Mesh ball = import_text("s.rad", std::string(kRed) + "red sphere s 0 0 4 1 0 0 .5").scene.meshes[0];
   ASSERT_EQ(ball.normals.size(), ball.positions.size());
@@ -77,6 +137,11 @@ TEST(ImportRadiance, MaterialsAreMappedAsDocumented) {
   const Material glass = read("glass m 0 0 3 .81 .81 .81");
   EXPECT_EQ(glass.surface, Surface::dielectric);
   expect_near(glass.albedo, glm::vec3(0.9f), 1e-6f);
+  EXPECT_FLOAT_EQ(glass.ior, 1.52f);
+  EXPECT_FLOAT_EQ(read("glass m 0 0 4 .81 .81 .81 1.7").ior, 1.7f);
+  EXPECT_EQ(read("dielectric m 0 0 5 1 1 1 1.33 2"),
+            (Material{.albedo = glm::vec3(1), .surface = Surface::dielectric, .ior = 1.33f}));
+  EXPECT_EQ(read("metal m 0 0 5 .2 .4 .6 .4 0").surface, Surface::diffuse);
 }
 
 TEST(ImportRadiance, ModifiersAreFollowedToTheirMaterial) {
@@ -155,12 +220,18 @@ TEST(ImportRadiance, TheViewComesFromTheFileBesideOrTheLastComment) {
   expect_near(room.scene.camera.up, {0, 0, 1}, 1e-6f);
   EXPECT_NEAR(room.scene.camera.fov_y, 35.0 * kPi / 180.0, 1e-6);
   EXPECT_TRUE(room.notes.empty());
+  write(folder / "told.rad", std::string(kRadianceRoom) + "# view from the door\n");
+  expect_near(import_scene(folder / "told.rad").scene.camera.eye, {2, -6, 1.6f}, 1e-6f);
   write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vo 0 -va 0\n");
   expect_near(import_scene(folder / "room.rad").scene.camera.eye, {1, 1, 1}, 1e-6f);
   EXPECT_FALSE(has_note(import_scene(folder / "room.rad"), "shifts of the view"));
   write(folder / "room.vf", "rvu -vtv -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 60 -vv 50 -vs 0.2 -vl 0\n");
   EXPECT_TRUE(has_note(import_scene(folder / "room.rad"), "shifts of the view"));
   expect_near(mesh_of(room.scene, glm::vec3(0.6f)).positions[0], {0, 0, 0}, 1e-6f);
+  write(folder / "room.vf", "rvu -vtl -vp 1 1 1 -vd 0 1 0 -vu 0 0 1 -vh 6 -vv 5\n");
+  const ImportedScene parallel = import_scene(folder / "room.rad");
+  EXPECT_TRUE(has_note(parallel, "a view that is not perspective"));
+  EXPECT_TRUE(has_note(parallel, "no camera"));
 }
 
 }  // namespace

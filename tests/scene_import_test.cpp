@@ -248,6 +248,14 @@ TEST(ImportGltf, PointAndSpotLightsShineFromTheirNodes) {
   expect_near(spot.point_lights[0].axis, {0, -1, 0}, 1e-6f);
   EXPECT_NEAR(spot.point_lights[0].cos_inner, std::cos(0.25), 1e-6);
   EXPECT_NEAR(spot.point_lights[0].cos_outer, std::cos(0.5), 1e-6);
+  const auto cone = [](const json& angles) {
+    const Scene s = import_gltf(cube_and_light({{"type", "spot"}, {"spot", angles}}, json::object())).scene;
+    return glm::vec2(s.point_lights[0].cos_inner, s.point_lights[0].cos_outer);
+  };
+  EXPECT_LT(glm::distance(cone(json::object()), {1.0f, std::sqrt(0.5f)}), 1e-6f)
+      << "what a file may leave out";
+  EXPECT_LT(glm::distance(cone({{"innerConeAngle", 1}, {"outerConeAngle", 0.5}}), glm::vec2(std::cos(0.5f))),
+            1e-6f);
 }
 
 TEST(ImportGltf, ADirectionalLightGivesItsIrradianceAtTheCentre) {
@@ -297,6 +305,17 @@ TEST(ImportGltf, LightsAndCamerasMoveWithTheirNodes) {
   expect_near(camera.eye, {0, 0, 7}, 1e-6f);
   expect_near(glm::normalize(camera.target - camera.eye), {0, 0, -1}, 1e-6f);
   EXPECT_FLOAT_EQ(camera.fov_y, 0.5f);
+}
+
+TEST(ImportGltf, OfTwoCamerasTheFirstIsUsed) {
+  GltfFile f = grey_cube();
+  for (const double yfov : {0.5, 0.25})
+    f.doc["cameras"].push_back({{"type", "perspective"}, {"perspective", {{"yfov", yfov}, {"znear", 0.1}}}});
+  for (const int camera : {1, 0}) f.node({{"camera", camera}, {"translation", {0, 0, 4 + camera}}});
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_TRUE(has_note(imported, "has 2 cameras; the first is used"));
+  EXPECT_FLOAT_EQ(imported.scene.camera.fov_y, 0.25f);
+  expect_near(imported.scene.camera.eye, {0, 0, 5}, 1e-6f);
 }
 
 TEST(ImportGltf, WithoutCameraAndLightTheWholeSceneIsSeenAndLit) {

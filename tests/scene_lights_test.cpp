@@ -231,6 +231,14 @@ TEST(SceneSpot, IntensityFallsSmoothlyFromTheInnerConeToTheOuter) {
   EXPECT_EQ(spot_falloff(spot, -1.0000001f), 1.0f) << "shines everywhere, whatever is rounded";
 }
 
+TEST(SceneLightTable, TrianglesWithoutAreaAreNotDrawn) {
+  Scene s;
+  s.meshes.push_back(
+      quad("lamp", {0, 0, 0}, {1, 0, 0}, {0, 0, 1}, s.add_material({.emission = glm::vec3(1)})));
+  s.meshes[0].triangles.emplace_back(0, 1, 1);
+  EXPECT_EQ(LightTable(s, 0.0f).size(), 2u);
+}
+
 TEST(SceneLightTable, LightsThatGiveNothingAreNotDrawn) {
   Scene s;
   s.add_material({.albedo = glm::vec3(0.5f)});
