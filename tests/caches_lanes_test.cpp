@@ -77,7 +77,11 @@ TEST(Lanes, EveryWidthKeepsWhatScalarCodeKeeps) {
 
 TEST(Lanes, EveryWidthWeighsAndAddsAsTheDefinitionDoes) {
   Pcg32 random(2);
-  const auto direction = [&] { return random_surface_point(random).n; };
+  // Of all sorts: the products of some with themselves are more than 1.
+  const auto direction = [&] {
+    const glm::vec3 v(random.uniform() - 0.5f, random.uniform() - 0.5f, random.uniform() + 0.1f);
+    return (random.below(2) == 0 ? 1.0f : -1.0f) * glm::normalize(v);
+  };
   std::size_t valid = 0, weighed = 0;
   for (int i = 0; i < 3000; ++i) {
     const float scale = std::exp2(40.0f * random.uniform() - 20.0f), a = 0.05f + random.uniform();
@@ -126,6 +130,22 @@ TEST(Lanes, EveryWidthWeighsAndAddsAsTheDefinitionDoes) {
   }
   EXPECT_GT(valid, weighed / 10);
   EXPECT_LT(valid, weighed - weighed / 10);
+}
+
+TEST(Lanes, EveryWidthTakesWhatLiesJustNotTooFarBehind) {
+  const SurfacePoint x{{0, 0, 0}, {0, 0, 1}};
+  const Record just = make_record(0, {0, 0, kInFrontTolerance}, {0, 0, 1}, 1.0f);
+  const Record beyond = make_record(1, {0, 0, std::nextafter(kInFrontTolerance, 1.0f)}, {0, 0, 1}, 1.0f);
+  ASSERT_GT(split_sphere_weight(x, just, 0.5f), 0.0f);
+  ASSERT_EQ(split_sphere_weight(x, beyond, 0.5f), 0.0f);
+  std::array<const Record*, 2 * kWeighed> pointers;
+  for (std::size_t i = 0; i < pointers.size(); ++i) pointers[i] = i % 2 == 0 ? &just : &beyond;
+  for (const NamedLaneKernels& k : lane_kernels()) {
+    std::array<float, kWeighed> weights;
+    k.kernels.weigh(x, 0.5f, pointers.data(), kWeighed, weights.data());
+    for (std::size_t i = 0; i < weights.size(); ++i)
+      EXPECT_EQ(weights[i], split_sphere_weight(x, *pointers[i], 0.5f)) << k.name;
+  }
 }
 
 TEST(Lanes, NoValidRecordIsTurnedAwayAndFewOthersAreKept) {

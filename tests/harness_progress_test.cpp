@@ -122,6 +122,17 @@ TEST(Progress, AnUnfinishedTerminalLineIsWiped) {
   EXPECT_TRUE(out.text().ends_with("\r\033[K")) << out.text();
 }
 
+TEST(Progress, NothingFollowsTheLineThatItEndsWith) {
+  Capture out;
+  {
+    Progress progress("x", 2, to(out, true));
+    fake_time = 1.0;
+    progress.advance(1);
+    progress.finish();
+  }
+  EXPECT_TRUE(out.text().ends_with(" done in 0:01\n")) << out.text();
+}
+
 TEST(Progress, LongNotesAreCutToTheLineBetweenCharacters) {
   Capture out;
   Progress progress("x", 2, to(out, true));

@@ -4,6 +4,7 @@
 #include <linux/perf_event.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <future>
 #include <map>
@@ -131,6 +132,42 @@ TEST(ThreadAccount, StandsStampsOfACounterThatIsBehind) {
   account.leave(Doing::query, ticks(), 0, false);
   account.end();
   EXPECT_LE(account.thread_ticks().sum(), ticks() - account.begin_ticks());
+}
+
+TEST(ThreadAccount, OnlyWhatLiesBetweenAMissAndItsInsertIsARecord) {
+  ThreadAccount account(kHalf);
+  const auto query = [&](bool missed) {
+    account.enter(Doing::query, 0);
+    account.leave(Doing::query, ticks(), 0, missed);
+  };
+  const auto insert = [&] {
+    account.enter(Doing::insert, 0);
+    account.leave(Doing::insert, ticks(), 0, false);
+  };
+  account.begin();
+  for (const bool missed : {true, false, true, false}) {
+    query(missed);
+    insert();
+    insert();
+  }
+  EXPECT_EQ(account.thread_ticks().records, 2u);
+  query(true);
+  account.end();
+  account.begin();  // in another region nothing is left of it
+  insert();
+  account.end();
+  EXPECT_EQ(account.thread_ticks().records, 2u);
+}
+
+TEST(ThreadAccount, ASpanHasWaitedNoLongerThanItLasted) {
+  ThreadAccount account(kHalf, 8);
+  account.begin();
+  account.enter(Doing::query, 0);
+  account.leave(Doing::query, ticks(), 1'000'000'000'000, false);
+  account.end();
+  const std::vector<Span>& spans = account.log().spans();
+  EXPECT_TRUE(std::any_of(spans.begin(), spans.end(), [](const Span& s) { return s.doing == Doing::query; }));
+  for (const Span& s : spans) EXPECT_LE(s.waited, s.length);
 }
 
 TEST(SpanLog, KeepsTheLongestAndCountsTheRest) {

@@ -208,6 +208,39 @@ TEST(StressChecker, FrameConsistencyShowsOwnRecordsAtOnceAndOthersAfterTheFrame)
   EXPECT_EQ(failing(Builder().insert(0, 1, 2, 7).query(0, 3, 4, {}).judge()), "rplf");
 }
 
+TEST(StressChecker, CountsEveryRecordThatAQueryMissed) {
+  Builder b;
+  b.insert(0, 1, 2, 1).insert(0, 3, 4, 2).insert(0, 5, 6, 3).query(1, 7, 8, {2}).query(1, 9, 10, {2, 3});
+  const Judgement j = b.judge();
+  EXPECT_EQ(failing(j), "rplf");
+  EXPECT_EQ(j[Check::regular].violations, 3u);
+  EXPECT_EQ(j[Check::per_record_linearizable].violations, 3u);
+  EXPECT_EQ(j[Check::linearizable].violations, 1u) << "epochs";
+}
+
+TEST(StressChecker, CountsThePairsThatOverlapWhereTheRecordIsValid) {
+  Builder b(2);
+  b.insert(0, 1, 10, 1, 1).insert(1, 2, 9, 2, 1, InsertResult::full).insert(2, 3, 4, 3, 1);
+  b.query(3, 3, 5, {3}, 1).query(3, 6, 8, {3}, 1).query(3, 9, 11, {}, 0).query(3, 12, 13, {1, 3}, 1);
+  const Judgement j = b.judge();
+  EXPECT_EQ(failing(j), "f");
+  EXPECT_EQ(j.concurrent_pairs, 3u) << "two with record 1, one with record 3";
+  EXPECT_EQ(j.operations, 7u);
+}
+
+TEST(StressChecker, AWitnessTellsWhatCameBeforeWhatAndWhy) {
+  Builder b(2, 3);
+  b.insert(0, 12, 13, 1, 4).insert(0, 14, 15, 2, 5).query(1, 11, 16, {2}, 1);
+  EXPECT_EQ(b.judge()[Check::linearizable].witness,
+            "cycle of 3 operations, each of which must precede the next\n"
+            "  thread 0 [1, 2] insert of record 1, place 1, size 1\n"
+            "    returned before the next was called\n"
+            "  thread 0 [3, 4] insert of record 2, place 1, size 2\n"
+            "    was seen by the next\n"
+            "  thread 1 [0, 5] query at place 1, saw 1 records\n"
+            "    did not see the first");
+}
+
 /// `operations` of history `h` and the records they inserted, nothing else, without the indices in `except`.
 History restricted(const History& h, const std::vector<std::uint32_t>& operations, std::size_t except) {
   History out;

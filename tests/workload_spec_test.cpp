@@ -85,6 +85,26 @@ TEST(Spec, HashCellsUseNoCache) {
   EXPECT_EQ(s.cell, 2.5f);
 }
 
+TEST(Spec, WhatMakesNoDifferenceToTheIntegratorIsIdle) {
+  const auto idle = [](const std::string& integrator) {
+    return parse_workload("cornell_box:rays=4:a=0.2:spp=4:cell=2.5:size=8x8:integrator=" + integrator).idle;
+  };
+  using Keys = std::vector<std::string>;
+  EXPECT_EQ(idle("irradiance_cache"), (Keys{"spp", "cell"}));
+  EXPECT_EQ(idle("path"), (Keys{"rays", "a", "cell"}));
+  EXPECT_EQ(idle("hash_cells"), (Keys{"rays", "a"}));
+}
+
+// Each session may hold tickets that it does not use: room for as many is left.
+TEST(Spec, StoresNoMoreThanACacheOfAllSessionsHolds) {
+  const std::uint64_t most = kMaxCapacity - std::uint64_t{kMaxSessions} * kTicketBatch;
+  const auto storing = [](std::uint64_t n) {
+    return parse_workload(fmt::format("mix_50_50:records=1000:operations={}", 2 * (n - 1000)));
+  };
+  EXPECT_EQ(storing(most).prefilled() + storing(most).inserts(), most);
+  EXPECT_THROW(storing(most + 1), std::runtime_error);
+}
+
 TEST(Spec, InsertsOfAMixAreItsShare) {
   EXPECT_EQ(parse_workload("mix_99_1:operations=1000").inserts(), 10u);
   EXPECT_EQ(parse_workload("mix_90_10:operations=1000").inserts(), 100u);
