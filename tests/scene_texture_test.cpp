@@ -1,9 +1,12 @@
 // Lookups of textures against closed forms: where texels lie, what is between them, and what is outside.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <glm/geometric.hpp>
 #include <limits>
+#include <vector>
 
 #include "scene/texture.h"
 

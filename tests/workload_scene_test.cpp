@@ -1,6 +1,7 @@
 // Workloads on real scenes: plans on the scenes' surfaces, and ray-traced trials on every cache.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <map>
 #include <memory>
 #include <numbers>
@@ -224,6 +225,13 @@ class DriftingPass final : public IndirectPass {
             Image& out) noexcept override {
     for_each_pixel(tile, primary.width, [&](std::uint32_t pixel) { out.pixels[pixel] = glm::vec3(L_); });
   }
+  // Seven records more in each.
+  PassFigures figures() const override {
+    PassFigures out;
+    out.use.queries = 10 * static_cast<std::uint64_t>(L_);
+    out.use.hits = 3 * static_cast<std::uint64_t>(L_);
+    return out;
+  }
 
  private:
   float L_ = 0.0f;
@@ -271,6 +279,13 @@ TEST_F(RepeatabilityTest, PicturesThatDependOnWhatRanBeforeAreFoundOut) {
   EXPECT_EQ(field(d, "rms_to_fewer_threads_share_of_mean"), 1.0 / 4.0);
   EXPECT_DOUBLE_EQ(field(d, "rms_to_single_share_of_error"), 3.0 / field(d, "error"));
   EXPECT_NEAR(field(d, "error"), 4.0 - 0.25, 0.05);  // the truth is 0.25
+  // What the reference itself is off by is taken away.
+  EXPECT_GT(field(d, "reference_rmse"), 0.0);
+  EXPECT_DOUBLE_EQ(std::pow(field(d, "error"), 2),
+                   std::pow(field(d, "rmse"), 2) - std::pow(field(d, "reference_rmse"), 2));
+  EXPECT_EQ(d.counters.at("records_made"), 4 * 7);
+  EXPECT_EQ(d.counters.at("redundant_records"), 3 * 7) << "more than the picture of one thread";
+  EXPECT_EQ(a.counters.at("redundant_records"), 0);
   EXPECT_FALSE(a.counters.contains("rms_to_last_run") || a.counters.contains("rms_to_fewer_threads"));
   EXPECT_EQ(g_pictures, 4u) << "some were rendered for nothing";
 }
