@@ -63,7 +63,12 @@ class PackedRecords {
   };
 
   PackedRecords(std::uint64_t capacity, std::uint64_t sessions, LargePages large_pages)
-      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, capacity, large_pages, capacity) {}
+      : sessions_(sessions), table_(capacity + 2 * sessions * kIdlePlaces, capacity, large_pages, capacity) {
+    at(kNobodys).record = {.p = {}, .n = {0.0f, 0.0f, 1.0f}, .R = 1.0f, .E = {}, .id = 0};
+  }
+
+  /// The place of a record that can be reckoned with and is never shown, for where there has to be one.
+  static constexpr UnitIndex kNobodys = 0;
 
   Stored& at(UnitIndex place) const noexcept {
     auto* const base = static_cast<std::byte*>(table_.at(0));

@@ -12,8 +12,8 @@
 // Progress (StdSync), in steps on shared memory: wait-free, every loop is over levels, lanes or an extent read once.
 // The levels in use; a brick and a hint for each level of the grid, two words a level; of each cell on the path the
 // mask, the word of its further lanes and the list's count, and that once more if any of them has a list; then the
-// lanes and places that these showed, once (list_steps), but without snapshots the mark of the first record up to eight
-// times. A cell counts as two lists, its lanes and the rest.
+// lanes and places that these showed, once (list_steps), and up to seven times the mark of nobody's record. A cell
+// counts as two lists, its lanes and the rest.
 #pragma once
 
 #include <algorithm>
@@ -99,10 +99,10 @@ struct PackedStore {
 
   // Step bounds of queries (caches/session.h).
   static constexpr std::string_view kVisitBound =
-      kIsSnapshot ? "41 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
-  static constexpr std::uint32_t kVisitSteps = 1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) +
-                                               2 + Marks::kMomentSteps + (kIsSnapshot ? 0 : kWeighed - 1);
-  static_assert(kVisitSteps == (kIsSnapshot ? 41 : 47));
+      kIsSnapshot ? "48 + per list (3 + links + 5 slots)" : "47 + per list (3 + links + 2 slots)";
+  static constexpr std::uint32_t kVisitSteps =
+      1 + 2 * (kPackedLevels + 1) + (Cells::kMostGridLevels + 1) + 2 + Marks::kMomentSteps + kWeighed - 1;
+  static_assert(kVisitSteps == (kIsSnapshot ? 48 : 47));
   static constexpr std::uint32_t kMostLists = 2 * (kPackedLevels + 1);
 
   /// Of the lanes of a cell on a visit and what else there is to read in it, or of its list.
@@ -259,13 +259,13 @@ struct PackedStore {
     }
   }
 
-  /// Collects the places of the records that lanes are kept of, and behind them, to whole groups, the first once more:
-  /// how many there are cannot be foreseen, so that what follows goes by groups.
+  /// Collects the places of the records that lanes are kept of, and behind them, to whole groups, nobody's: how many
+  /// there are cannot be foreseen, so that what follows goes by groups.
   void filter(const Walk& walk, float a, Candidates& candidates) noexcept {
     auto& [kept, have_lists, lanes, places] = candidates;
     kept = kernels.filter(make_lane_share(a, a_max), {kStripWords, kStripLanes}, lanes.data(), walk.cells,
                           places.data());
-    if (kept != 0) std::fill_n(places.begin() + kept, kWeighed, places[0]);
+    std::fill_n(places.begin() + kept, kWeighed, Records::kNobodys);
   }
 
   void prefetch_records(const Candidates& candidates) noexcept {
@@ -298,14 +298,12 @@ struct PackedStore {
         stored[k] = &records.at(places[k]);
         shown[k] = &stored[k]->record;
       }
-      // Flags behind the last record are looked at, too, which spares asking how many there are; stamps are longer.
-      const std::uint32_t looks = kIsSnapshot ? n : kWeighed;
       std::array<typename Marks::Word, kWeighed> words;
       std::uint32_t seen = 0;
 #pragma GCC unroll kWeighed
-      for (std::uint32_t k = 0; k < looks; ++k)
+      for (std::uint32_t k = 0; k < kWeighed; ++k)
         seen += Marks::is_shown_by(words[k] = records.look(*stored[k]), walk.moment);
-      if (seen != looks) [[unlikely]] {
+      if (seen != n) [[unlikely]] {
         const std::uint32_t kept = std::exchange(n, 0);
         for (std::uint32_t k = 0; k < kept; ++k) {
           shown[n] = shown[k];
