@@ -143,7 +143,7 @@ TEST(ImportAccessor, ChunksBehindTheBinaryOneAreNotRead) {
   const auto chunk = [](const char* type, const std::string& body) {
     return std::string{static_cast<char>(body.size()), 0, 0, 0} + std::string(type, 4) + body;
   };
-  std::string more = good + chunk("XXXX", "else") + chunk("BIN\0", "more");
+  std::string more = good + chunk("JUNK", "else") + chunk("BIN\0", "more");
   const auto length = static_cast<std::uint32_t>(more.size());
   std::memcpy(more.data() + 8, &length, sizeof length);
   const ImportedScene a = import_text("scene.glb", good), b = import_text("scene.glb", more);
