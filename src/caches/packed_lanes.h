@@ -3,12 +3,11 @@
 // A lane is one word for its record's reach, a float of 5 bits, and place, to 9 bits an axis of four cells' width, and
 // one, its index, by which the record is found. `keeps` tells from the first whether the record may be valid at a
 // point. It is conservative: it never turns away a valid record, and what it keeps is tested exactly by the record
-// itself (core/interpolation.h).
-// So how a lane is tested changes no answer; scalar code and SIMD of every width keep the same lanes even so, for they
-// do the same operations in single precision, each correctly rounded. Normals are not in it: a cell holds only records
-// that it is not wholly behind (caches/packed_reach.h), which leaves so few of other orientations that looking for them
-// costs more than it saves (Cornell box, 10^5 records: of 43 lanes 6.1 reach a point, and 5.9 of these are valid
-// there).
+// itself (core/interpolation.h). So how a lane is tested changes no answer; scalar code and SIMD of every width keep
+// the same lanes even so, for they do the same operations in single precision, each correctly rounded. Normals are not
+// in it: a cell holds only records that it is not wholly behind (caches/packed_reach.h), which leaves so few of other
+// orientations that looking for them costs more than it saves (Cornell box, 10^5 records: of 43 lanes 6.1 reach a
+// point, and 5.9 of these are valid there).
 //
 // Units. Positions are in grid units (core/octree.h); a step is 2^-7 of the cell's side. Reach is a_max R.
 //

@@ -335,7 +335,10 @@ struct PackedStore {
   template <class Counters, class F>
   void show(const ShownRecords& shown, std::uint32_t n, const SurfacePoint& x, float a, Counters& counters,
             F&& f) noexcept {
-    for (const Record* record : shown) Sync::reads(record, sizeof *record);  // vectors load all of them (P6)
+    for (const Record* record :
+         shown) {  // vectors load all of them (P6), and nobody's, which is never written
+      if (record != &records.at(Records::kNobodys).record) Sync::reads(record, sizeof *record);
+    }
     const std::uint32_t valid = show_valid(kernels, x, a, shown, n, f);
     counters.template add<&Counts::records_read>(n);
     counters.template add<&Counts::records_valid>(valid);

@@ -60,9 +60,8 @@ void print_summary(const std::vector<Json>& rows) {
   });
   if (order.empty()) return;
   tell(
-      "warning: {}: in most trials nobody was held before they were over; give --workload more operations, "
-      "or a "
-      "shorter --pause-ms\n",
+      "warning: {}: in most trials nobody was held before they were over; give --workload more "
+      "operations, or a shorter --pause-ms\n",
       fmt::join(order, ", "));
 }
 
