@@ -460,7 +460,7 @@ TEST(HdrVdp, PaintsOnGreyOfWhichTheMeanOfWhatIsLitIsAQuarter) {
   expect_near(paint_hdrvdp(grey(1, 1, 0.0), grey(1, 1, 3.0)).pixels[0], glm::vec3(0.25f));
 }
 
-// What no two luminances tell apart is the same, next to whatever difference.
+// Luminances that differ by less than 10^-4 cd/m^2 are the same, whatever differs beside them.
 TEST(HdrVdp, LuminancesThatHardlyDifferAreTheSame) {
   const Image uniform = grey(64, 64, 1.0);
   Image image = uniform, map;

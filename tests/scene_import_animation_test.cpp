@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <numbers>
+#include <string_view>
 #include <vector>
 
 #include "import_support.h"
@@ -127,7 +128,7 @@ TEST(ImportAnimation, OfTwoForOneNodeTheFirstCounts) {
   EXPECT_NEAR(imported.scene.meshes[0].pose(12.0f).shift.x, 1.0f, 1e-6f);
 }
 
-// Bounds are those of the whole animation: by them the scene is far from its origin, and its sun stands.
+// By the bounds of its whole animation.
 TEST(ImportAnimation, AFarSceneIsMovedWithAllThatMoves) {
   constexpr float kFar = 1e5f;
   GltfFile f = grey_cube();
