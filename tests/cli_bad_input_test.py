@@ -76,7 +76,7 @@ class BadInput(Case):
             "--latency-every": ["-1", "x", "4294967295"],
             "--reference-spp": ["0", "1"],
             "--placement": ["foo", ""],
-            "--caches": ["", "null,", "null,null"],
+            "--caches": ["", "null,", "null,null", "all,null"],
             "--workloads": ["", ","],
         }
         render = {

@@ -1,6 +1,8 @@
 // --caches: which caches a command measures.
 #pragma once
 
+#include <algorithm>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,8 @@ inline std::vector<const CacheEntry*> caches_of(const std::string& text) {
     return out;
   }
   const std::vector<std::string> names = split_list("--caches", text);
+  if (std::find(names.begin(), names.end(), "all") != names.end())
+    throw std::runtime_error("--caches: all stands for itself; leave the others out");
   for (const std::string& name : names) out.push_back(&find_cache(name));
   require_distinct("--caches", names);
   return out;
