@@ -170,6 +170,10 @@ class NotingCache final : public WaveCache {
   float accuracy() const noexcept override { return list_.a; }
 
   const std::vector<Record>& records() const { return list_.records; }
+  std::size_t made() {
+    const std::lock_guard lock(mutex_);
+    return list_.records.size() + made_.size();
+  }
 
   std::size_t again = 0, for_nothing = 0;
 
@@ -218,6 +222,37 @@ TEST(Waves, HitsAskAgainWhereRecordsOfTheirTileCameLaterAndNowhereElse) {
       EXPECT_TRUE(own || (reply.E && shows(*reply.E))) << "pixel " << pixel;
     }
     EXPECT_LT(2 * made_there, out.pixels.size()) << "most hits have a record of their own";
+  }
+}
+
+// Guards against: work that is told of before it is done or long after, more than once, or never.
+TEST(Waves, TellOfTheirWorkAsRecordsAreMade) {
+  const RayTracer rays(animated_room({}));
+  ThreadCrew crew(rays, 2);
+  constexpr int kSize = 6 * kFrameTile;
+  const PrimaryHits primary = primary_hits(rays, kSize, kSize);
+  for (const Interpolation level : {Interpolation::split_sphere, Interpolation::occlusion_hessian}) {
+    for (const bool overture : {false, true}) {
+      UnevenSource source(level, kA, kCube);
+      NotingCache cache(*source.shapes(), kSize * kSize);
+      Image out = blank(kSize, kSize);
+      std::mutex mutex;
+      double told = 0.0;
+      std::vector<double> at;  // what was told when so many records were there
+      Waves waves(rays, source, crew, [&](double share) {
+        const std::lock_guard lock(mutex);
+        told += share;
+        at.resize(cache.made() + 1, told);
+      });
+      for (std::uint32_t sample = 0; sample < 2; ++sample) {
+        waves.render(cache, primary, {.sample = sample}, overture, out);
+        EXPECT_NEAR(told, sample + 1.0, 1e-9) << name_of(level) << overture;
+        if (sample > 0) continue;
+        ASSERT_GT(at.size(), 20u);
+        EXPECT_LT(at[at.size() / 4], 0.5) << name_of(level) << overture;
+        EXPECT_GT(at[at.size() * 3 / 4], 0.25) << name_of(level) << overture;
+      }
+    }
   }
 }
 

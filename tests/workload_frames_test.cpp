@@ -1,6 +1,7 @@
 // Pictures of many samples and of many frames.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <numeric>
 #include <vector>
 
@@ -53,6 +54,36 @@ TEST(Frames, ProgressIsToldAsTilesAreSeen) {
   FrameRenderer(request).render(0);
   EXPECT_EQ(told.size(), 2 * tiles) << "once as a tile is seen, once as it is lit";
   EXPECT_EQ(std::accumulate(told.begin(), told.end(), 0.0), tiles);
+}
+
+// Guards against: records that are made before or after the tiles, in waves or for an overture, of which nothing is told,
+// or the tiles' work once more.
+TEST(Frames, ProgressIsToldOfAllWorkOnce) {
+  Scene s;
+  const auto white = s.add_material({.albedo = glm::vec3(0.7f)});
+  add_room(s, {{-1, 0, -1}, {1, 2, 1}}, {white, white, white, white, white, white});
+  s.camera = {{0, 1, 0}, {0, 1, -1}, {0, 1, 0}, 1.0f};
+  RayTracer rays(std::move(s));
+  ThreadTeam team(Topology::of_this_process(), Placement::none, 2);
+  for (const bool deterministic : {false, true}) {
+    for (const bool overture : {false, true}) {
+      FrameRequest request = request_of(rays, team, "irradiance_cache");
+      request.width = 50;
+      request.height = 40;
+      request.spp = 2;
+      request.deterministic = deterministic;
+      request.overture = overture;
+      std::atomic<double> told = 0.0, most = 0.0;
+      request.progress = [&](double work) {
+        told += work;
+        for (double seen = most; work > seen && !most.compare_exchange_weak(seen, work);) continue;
+      };
+      const double tiles = frame_work(request);
+      FrameRenderer(request).render(0);
+      EXPECT_NEAR(told, tiles, 1e-9 * tiles) << deterministic << overture;
+      EXPECT_LT(most, 0.8 * tiles) << deterministic << overture;
+    }
+  }
 }
 
 /// A corridor with lamps, through which the camera moves `step` metres a frame: little of what a frame sees was near

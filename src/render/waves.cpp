@@ -4,6 +4,7 @@
 #include <bit>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "core/interpolation.h"
 #include "core/random.h"
@@ -16,6 +17,11 @@ namespace {
 
 constexpr unsigned kCoarsest = 8;  // pixels between those of the first wave; a power of two
 constexpr std::size_t kAskedAtOnce = 64;
+
+// What is told of the work of a sample: as much for each wave, whose misses are then what is done of it, and the rest
+// for what comes after them.
+constexpr int kWaves = std::bit_width(kCoarsest);
+constexpr double kLastWork = 0.1, kWaveWork = (1.0 - kLastWork) / kWaves;
 
 bool is_added(unsigned x, unsigned y, unsigned spacing) noexcept {
   if (((x | y) & (spacing - 1)) != 0) return false;
@@ -94,8 +100,8 @@ Reply Answers::settle(std::size_t i) noexcept {
   return reply;
 }
 
-Waves::Waves(const RayTracer& rays, RecordSource& source, Crew& crew)
-    : rays_(rays), source_(source), crew_(crew) {
+Waves::Waves(const RayTracer& rays, RecordSource& source, Crew& crew, std::function<void(double)> did)
+    : rays_(rays), source_(source), crew_(crew), did_(std::move(did)) {
   for (unsigned t = 0; t < crew.size(); ++t) workers_.emplace_back(source);
 }
 
@@ -128,27 +134,37 @@ void Waves::render(WaveCache& cache, const PrimaryHits& primary, const SampleKey
     if (key.sample == 0) {
       for (unsigned spacing = kCoarsest; spacing > 0; spacing /= 2) {
         ask(t, spacing, Which::added);
-        answer_misses(t);
+        answer_misses(t, kWaveWork);
       }
     } else {  // nearly all records are there
       ask(t, 1, Which::all);
-      answer_misses(t);
+      answer_misses(t, kWaves * kWaveWork);
     }
     if (overture) {
       ask(t, 1, Which::all);
-      answer_misses(t);  // if the cache was full, or as below
+      answer_misses(t, kLastWork);  // if the cache was full, or as below
     } else if (frame.asks_again) {
       steps.end([&] { gather_made(); });
       ask(t, 1, Which::outdated);
-      answer_misses(t);  // where the guard no longer asks for the only record that covered a hit
+      answer_misses(t, kLastWork);  // where the guard no longer asks for the only record that covered a hit
+    } else {
+      steps.end([&] { tell(kLastWork); });
     }
   });
 }
 
-void Waves::answer_misses(const Thread& t) {
+void Waves::tell(double work) const {
+  if (did_) did_(work);
+}
+
+void Waves::answer_misses(const Thread& t, double work) {
   t.steps.end([&] {
     gather_misses();
     choose_runs();
+    if (misses_.empty())
+      tell(work);
+    else
+      work_of_a_miss_ = work / static_cast<double>(misses_.size());
   });
   while (!runs_.empty()) {  // each answers one miss, so that none is left in the end
     t.steps.share(runs_.size(), 1, [&](std::size_t i) { make(t, runs_[i]); });
@@ -210,7 +226,7 @@ void Waves::ask(const Thread& t, unsigned spacing, Which which) {
         const auto row = static_cast<std::uint32_t>(width_);
         const std::uint32_t block = block_number(pixel % row / edge, pixel / row / edge);
         const auto rank = static_cast<std::uint32_t>(hash_keys(pixel, layer));
-        w.missed.push_back({block, rank, pixel, layer, w.replies[k].most_R, false});
+        w.missed.push_back({block, rank, pixel, layer, w.replies[k].most_R, false, false});
       }
     }
   });
@@ -294,8 +310,10 @@ void Waves::make(const Thread& t, const Run& run) {
   Worker& w = workers_[t.index];
   const float a = frame.cache.accuracy();
   w.own.clear();
+  unsigned untold = 0;
   for (std::size_t i = run.begin; i < run.end; ++i) {
     Miss& m = misses_[i];
+    untold += !std::exchange(m.is_told, true);
     const Visible x = frame.primary.at(m.pixel, m.layer);
     const SurfacePoint point{x.hit.p, x.hit.n};
     w.answers.ask_at({&point, 1});
@@ -314,6 +332,7 @@ void Waves::make(const Thread& t, const Run& run) {
     if (frame.asks_again)
       w.made.push_back({m.pixel, m.layer, stage_, result == InsertResult::inserted, record});
   }
+  tell(untold * work_of_a_miss_);
 }
 
 void Waves::ask_again(const Thread& t) {
@@ -340,8 +359,10 @@ void Waves::ask_again(const Thread& t) {
 
 void Waves::keep_unanswered(const Frame& frame) {
   std::size_t left = 0;
+  unsigned untold = 0;
   for (std::size_t i = 0; i < misses_.size(); ++i) {
     if (replies_[i].E) {
+      untold += !misses_[i].is_told;
       show(frame, misses_[i].pixel, misses_[i].layer, *replies_[i].E);
       // Other hits of the pixel may have been answered before.
       if (frame.primary.layers_of(misses_[i].pixel) == 1) asked_[misses_[i].pixel] = stage_;
@@ -351,6 +372,7 @@ void Waves::keep_unanswered(const Frame& frame) {
     }
   }
   misses_.resize(left);
+  tell(untold * work_of_a_miss_);
 }
 
 void Waves::show(const Frame& frame, std::uint32_t pixel, std::uint32_t layer,

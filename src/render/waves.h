@@ -33,6 +33,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <span>
@@ -136,8 +137,8 @@ class WaveCache {
 
 class Waves {
  public:
-  /// By the threads of a crew.
-  Waves(const RayTracer& rays, RecordSource& source, Crew& crew);
+  /// By the threads of a crew. `did` is told by any of them what share of a sample's work was done, 1 in all.
+  Waves(const RayTracer& rays, RecordSource& source, Crew& crew, std::function<void(double)> did = {});
 
   /// Indirect radiance at all stored hits, as irradiance_cache_tile; pixels that reflect nothing are 0. `overture`:
   /// asks all again when every record is made, so that no pixel depends on how early it came.
@@ -164,6 +165,7 @@ class Waves {
     std::uint32_t pixel, layer;
     float most_R;
     bool is_made;  // a record of its own
+    bool is_told;  // to who follows the work
   };
   // The misses of a block, in order of rank.
   struct Run {
@@ -206,7 +208,9 @@ class Waves {
   };
 
   void ask(const Thread& t, unsigned spacing, Which which);
-  void answer_misses(const Thread& t);
+  /// `work`: its share of that of the sample.
+  void answer_misses(const Thread& t, double work);
+  void tell(double work) const;
   void make(const Thread& t, const Run& run);
   void ask_again(const Thread& t);
 
@@ -227,6 +231,8 @@ class Waves {
   const RayTracer& rays_;
   RecordSource& source_;
   Crew& crew_;
+  std::function<void(double)> did_;
+  double work_of_a_miss_ = 0.0;  // of those of a wave, in the sample's
   std::vector<Tile> tiles_;  // of images of this size:
   int width_ = 0, height_ = 0;
   std::vector<Worker> workers_;

@@ -27,9 +27,15 @@ struct CachedPassSetup {
   /// Of the pictures, if they are to be made in waves (render/waves.h).
   const RayTracer* deterministic = nullptr;
   bool overture = false;                ///< of a sample of the pixels first all records, then the picture
+  /// Told by any thread what share of a sample was done before tiles are asked for it or after: all of it in waves, the
+  /// share kOvertureWork where all records are made first.
+  std::function<void(double)> did{};
   TraceRecorder* trace = nullptr;       ///< captures what tiles do; not of pictures in waves
   std::span<ThreadAccount> accounts{};  ///< of the crew's threads, if their time is accounted for
 };
+
+/// What is told of a sample's work when all records are made, where its picture comes after them.
+inline constexpr double kOvertureWork = 0.9;
 
 template <template <class> class CacheTemplate>
 class CachedPass : public IndirectPass, protected WaveCache {
@@ -40,10 +46,11 @@ class CachedPass : public IndirectPass, protected WaveCache {
       : crew_(crew),
         source_(std::move(source)),
         has_overture_(setup.overture),
+        did_(setup.did),
         accuracy_(setup.cache.a),
         cache_(setup.cache),
         workers_(crew.size()) {
-    if (setup.deterministic != nullptr) waves_.emplace(*setup.deterministic, *source_, crew);
+    if (setup.deterministic != nullptr) waves_.emplace(*setup.deterministic, *source_, crew, did_);
     crew.run([&](unsigned t, Tracer&) {
       auto session = cache_.open_session(t);
       session.prefault(setup.prefault);
@@ -173,6 +180,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
     const std::vector<Tile> tiles = make_tiles(primary.width, primary.height, kFrameTile, TileOrder::morton);
     crew_.for_each(tiles.size(), 1, [&](unsigned thread, Tracer& tracer, std::size_t i) {
       tile(thread, tracer, primary, key_, tiles[i], thrown_away);
+      if (did_) did_(kOvertureWork / static_cast<double>(tiles.size()));
     });
     publish();
   }
@@ -199,6 +207,7 @@ class CachedPass : public IndirectPass, protected WaveCache {
   std::uint64_t lock_wait_before_ = 0;  // the frame began
   std::unique_ptr<RecordSource> source_;
   bool has_overture_;
+  std::function<void(double)> did_;
   float accuracy_;              // of queries
   std::optional<Waves> waves_;  // if deterministic
   SampleKey key_;               // of the sample that was begun last

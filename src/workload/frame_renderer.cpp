@@ -10,7 +10,7 @@
 namespace icbench {
 namespace {
 
-std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
+std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew, std::function<void(double)> did) {
   PassSetup setup{r.rays,   crew,        r.width, r.height,
                   r.gather, r.vpls,      r.a,     r.interpolation,
                   r.seed,   r.cell_size, r.paths, guards_against_leaks(r)};
@@ -23,6 +23,7 @@ std::unique_ptr<IndirectPass> make_pass(const FrameRequest& r, Crew& crew) {
   cached.cache = cache_config(r, crew.size());
   cached.deterministic = r.deterministic ? &r.rays : nullptr;
   cached.overture = r.overture;
+  cached.did = std::move(did);
   cached.trace = r.trace;
   return r.cache.pass(cached, r.integrator.source(setup), crew);
 }
@@ -33,7 +34,14 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 /// What seeing a tile counts of its work, the rest being its indirect light. How long either takes is for the scene and
 /// the integrator to say; told of the latter alone, a picture of one sample would seem to take hours as it begins.
-constexpr double kVisibleWork = 0.25;
+constexpr double kVisibleWork = 0.25, kIndirectWork = 1.0 - kVisibleWork;
+
+/// What tiles count of their indirect light, the rest being told of by the pass (CachedPassSetup::did).
+double share_of_tiles(const FrameRequest& r) noexcept {
+  if (!r.integrator.needs_cache()) return 1.0;
+  if (r.deterministic) return 0.0;
+  return r.overture ? 1.0 - kOvertureWork : 1.0;
+}
 
 template <class F>
 double timed(F&& f) {
@@ -71,7 +79,10 @@ FrameRenderer::FrameRenderer(const FrameRequest& request)
     : request_(request),
       crew_(request.team, request.rays),
       tiles_(make_tiles(request.width, request.height, kFrameTile, request.tiles, request.seed)),
-      pass_(make_pass(request_, crew_)),
+      pass_(make_pass(request_, crew_,
+                      [this](double share) {
+                        request_.progress(kIndirectWork * share * static_cast<double>(tiles_.size()));
+                      })),
       primary_(request.rays.scene(), request.width, request.height),
       direct_(make_image(request.width, request.height)),
       indirect_(direct_),
@@ -90,6 +101,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
   });
 
   const Lens lens = r.spp == 1 ? Lens::centre : Lens::jittered;
+  const double tile_work = kIndirectWork * share_of_tiles(r);
   const CameraView view(r.rays.scene().camera, r.width, r.height);
   std::fill(sum_.begin(), sum_.end(), glm::dvec3(0.0));
   if (r.residual_share > 0.0f)
@@ -108,7 +120,7 @@ FrameCost FrameRenderer::render(std::uint32_t frame) {
     const TeamTimes second = crew_.time([&](unsigned thread, Tracer& tracer) {
       while (const Tile* tile = lit.next()) {
         pass_->tile(thread, tracer, primary_, key, *tile, indirect_);
-        r.progress(1.0 - kVisibleWork);
+        r.progress(tile_work);
       }
     });
     cost.seconds_indirect += 1e-9 * static_cast<double>(second.wall_ns());
