@@ -20,7 +20,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from string import Template
 
-import style  # first: it checks what is installed
+import style  # first: it checks what is installed, and takes interrupts
 
 import pandas as pd
 from PIL import Image
@@ -34,6 +34,7 @@ import correctness
 import correctness_page
 import explorer
 import interactive
+import interrupts
 import pareto_choice
 import pareto_page
 import pareto_results
@@ -420,12 +421,6 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
     return page
 
 
-def _interrupted(*_) -> None:
-    """Ends this process at once: those that draw, for which leaving in good order would wait, end with it."""
-    os.write(2, b"report.py: interrupted\n")
-    os._exit(130)
-
-
 def main() -> int:
     options = parser(__doc__)
     options.add_argument("--correctness", action="append", metavar="FILE", type=Path,
@@ -451,8 +446,7 @@ def main() -> int:
     timelines = arguments.timelines or _beside(arguments.results, kTimelines)
     breakdowns = arguments.breakdowns or _beside(arguments.results, kBreakdowns)
     out = arguments.out or arguments.results[0].parent
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored, as in a shell's background
-        signal.signal(signal.SIGINT, _interrupted)
+    interrupts.end_with_a_line()
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
                     timelines, breakdowns, forgiving=not arguments.pareto))

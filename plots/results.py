@@ -167,10 +167,23 @@ def read_json(path: Path, made_by: str, expected: str):
     except UnicodeDecodeError:
         raise InputError(f"{path}: not a text file; {expected} is JSON") from None
     try:
-        return json.loads(text)
+        data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         where = f"line {error.lineno}" if isinstance(error, json.JSONDecodeError) else "nested too deep"
         raise InputError(f"{path}: not JSON ({where}); {expected} is expected") from None
+    if half := _half_a_character(text):
+        line = text.count("\n", 0, half.start()) + 1
+        raise InputError(f"{path}: line {line} has half a character ({half[0]}), which no page can show; take it out")
+    return data
+
+
+def _half_a_character(text: str) -> re.Match | None:
+    """The first surrogate in a JSON text that is escaped without the other one that makes a character of it."""
+    pairs = r"\\u[dD][89abAB][0-9a-fA-F]{2}\\u[dD][c-fC-F][0-9a-fA-F]{2}"
+    for found in re.finditer(rf"\\\\|{pairs}|\\u[dD][89a-fA-F][0-9a-fA-F]{{2}}", text):
+        if len(found[0]) == len(r"\uD800"):
+            return found
+    return None
 
 
 def is_simulated(entry: dict) -> bool:

@@ -12,6 +12,12 @@ import math
 import sys
 import zlib
 from dataclasses import dataclass
+from pathlib import Path
+
+import interrupts
+
+if Path(sys.argv[0]).resolve().parent == Path(__file__).resolve().parent:  # a script of this folder has begun
+    interrupts.end_with_a_line()  # before the rest, which takes a second to import
 
 for _module in ("matplotlib", "numpy", "pandas", "PIL"):
     if importlib.util.find_spec(_module) is None:

@@ -6,16 +6,26 @@ import contextlib
 import io
 import os
 import signal
+import subprocess
 import sys
 import time
 import unittest
 from pathlib import Path
 from unittest import mock
 
-from plots_support import InFolder
+from plots_support import InFolder, kPlots
 
 import report
 from figure import Figure
+
+
+class EndedEarly(InFolder):
+    def test_an_interrupt_while_libraries_are_imported_is_one_line_and_status_130(self):
+        (self.folder / "pandas.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+        for script in ("report.py", "throughput.py"):
+            done = subprocess.run([sys.executable, "-B", kPlots / script, self.folder / "results.json"], text=True,
+                                  stderr=subprocess.PIPE, check=False, env={**os.environ, "PYTHONPATH": str(self.folder)})
+            self.assertEqual((done.returncode, done.stderr), (130, f"{script}: interrupted\n"))
 
 
 class Ended(InFolder):

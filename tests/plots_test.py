@@ -7,6 +7,7 @@ its context says so.
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import os
 import re
@@ -370,6 +371,17 @@ class Machines(InFolder):
         for command in "preempt", "repeatability":
             with self.assertRaisesRegex(results.InputError, f"rows of icbench {command} are no trials by themselves"):
                 results.load([self.results("a.json"), self.results("b.json", configuration={"command": command})])
+
+    def test_half_a_character_is_named_with_its_line_and_whole_ones_are_read(self):
+        def written(name):
+            data = json.dumps({"context": {}, "benchmarks": []}, indent=1).replace("{}", f'{{"host_name": "{name}"}}')
+            return (self.folder / "a.json", (self.folder / "a.json").write_text(data))[0]
+
+        for name in r"a\ud83d\ude00b", r"\\ud800", r"\\\\udc00", "é":
+            self.assertIn("host_name", results.read_json(written(name), "x", "y")["context"])
+        for name in r"\ud800", r"a\uDC00\ud800", r"\\\ud83d", r"\ud83dx\ude00", r"\ud83d\ude00\ude00":
+            with self.assertRaisesRegex(results.InputError, r"^\S+a\.json: line 2 has half a character \(\\u[dD]\w{3}\)"):
+                results.read_json(written(name), "x", "y")
 
     def test_the_same_rows_count_once(self):
         first = self.results("a.json")
