@@ -267,6 +267,7 @@ class BadInput(Case):
                                 (["--calibration", "."], "is a folder"),
                                 (["--calibration", "/proc/none/costs.json"], "cannot be made"),
                                 (["--transfer", "1,2"], "three numbers"), (["--transfer", "1,2,-3"], "three numbers"),
+                                (["--transfer", "1,3,2"], "farther away"),
                                 (["--hand-over", "1"], "two numbers"), (["--hand-over", "1,1e9"], "from 0 to 1e6"),
                                 (["--complex", "3", "--socket", "8"], "multiple"), (["--out", "."], "a folder")):
             options = {"--calibration": "none.json", "--out": "out.json"} | dict(zip(arguments[::2], arguments[1::2]))

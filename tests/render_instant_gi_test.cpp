@@ -12,6 +12,7 @@
 #include "render/instant_gi.h"
 #include "render/integrators.h"
 #include "render/interleaved.h"
+#include "render/vpl_gather.h"
 #include "vpl_support.h"
 
 namespace icbench {

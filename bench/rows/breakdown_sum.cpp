@@ -2,7 +2,6 @@
 // measured each by itself.
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <vector>
 
 #include "harness/ticks.h"

@@ -6,7 +6,6 @@
 #include <functional>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <numeric>
 #include <string>
 #include <utility>

@@ -26,12 +26,10 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
 #include <limits>
-#include <utility>
 
 #include "core/arena.h"
 #include "core/interpolation.h"

@@ -16,7 +16,6 @@
 #pragma once
 
 #include <bit>
-#include <utility>
 #include <vector>
 
 #include "caches/locks.h"

@@ -35,7 +35,6 @@
 #include <bit>
 
 #include "caches/session.h"
-#include "core/at_end.h"
 #include "core/octree.h"
 #include "core/parallel.h"
 #include "core/random.h"

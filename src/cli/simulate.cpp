@@ -83,7 +83,13 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
         fmt::format("--socket {} is no multiple of --complex {}: complexes lie in sockets", o.socket_cores,
                     o.complex_cores));
   }
-  if (!o.transfers.empty()) r.transfers = Transfers{parse_times<3>("--transfer", o.transfers)};
+  if (!o.transfers.empty()) {
+    r.transfers = Transfers{parse_times<3>("--transfer", o.transfers)};
+    if (!std::ranges::is_sorted(r.transfers->ns)) {
+      throw std::runtime_error(fmt::format(
+          "--transfer '{}' falls: a cache line takes no less time to a core that is farther away", o.transfers));
+    }
+  }
   if (!o.hand_over.empty()) {
     const auto [call, delay] = parse_times<2>("--hand-over", o.hand_over);
     r.hand_over = HandOver{call, delay};

@@ -10,7 +10,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <thread>
-#include <type_traits>
 
 namespace icbench {
 

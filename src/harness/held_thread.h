@@ -19,7 +19,6 @@
 #include <atomic>
 #include <chrono>
 #include <csignal>
-#include <cstdint>
 #include <semaphore>
 
 namespace icbench {

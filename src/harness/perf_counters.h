@@ -8,7 +8,6 @@
 // Costs: a system call per event as the counting starts and stops, none while it runs.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>

@@ -6,7 +6,6 @@
 #include <array>
 #include <chrono>
 #include <fstream>
-#include <limits>
 #include <sstream>
 #include <string>
 #include <thread>

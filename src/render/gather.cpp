@@ -1,7 +1,6 @@
 #include "render/gather.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>

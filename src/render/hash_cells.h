@@ -33,7 +33,6 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
-#include <vector>
 
 #include "core/sync.h"
 #include "render/indirect_pass.h"

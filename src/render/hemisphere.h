@@ -21,7 +21,6 @@
 #include <cstdint>
 #include <glm/mat2x2.hpp>
 #include <glm/vec3.hpp>
-#include <span>
 #include <vector>
 
 #include "core/types.h"

@@ -1,8 +1,6 @@
 #include "render/instant_caching.h"
 
-#include <bit>
 
-#include "core/random.h"
 #include "render/instant_gi.h"
 #include "render/integrators.h"
 

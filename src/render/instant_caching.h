@@ -9,8 +9,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <span>
-#include <vector>
 
 #include "render/indirect_pass.h"
 #include "render/irradiance_cache.h"

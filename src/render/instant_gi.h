@@ -14,8 +14,6 @@
 #include "render/primary.h"
 #include "render/sampling.h"
 #include "render/vpl.h"
-#include "render/vpl_compensation.h"
-#include "render/vpl_gather.h"
 
 namespace icbench {
 

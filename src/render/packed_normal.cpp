@@ -1,6 +1,5 @@
 #include "render/packed_normal.h"
 
-#include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>

@@ -15,7 +15,6 @@
 #include "core/random.h"
 #include "core/types.h"
 #include "image/image.h"
-#include "render/camera.h"
 #include "render/primary.h"
 #include "render/ray_tracer.h"
 #include "render/sampling.h"

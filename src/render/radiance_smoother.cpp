@@ -1,7 +1,6 @@
 #include "render/radiance_smoother.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 
 namespace icbench {

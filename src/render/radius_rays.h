@@ -10,7 +10,6 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
-#include <span>
 
 #include "core/interpolation.h"
 #include "render/ray_tracer.h"

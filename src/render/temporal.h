@@ -48,7 +48,6 @@
 // stands still and is kept (render/record_table.h); and the VPLs. While an update lasts, 13 bytes a record more.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>

@@ -1,6 +1,5 @@
 // Chairs.
 #include <array>
-#include <cmath>
 #include <numbers>
 
 #include "scene/furniture.h"

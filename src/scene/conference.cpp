@@ -1,7 +1,6 @@
 // A stand-in for the conference room of the Lawrence Berkeley Laboratory (Grynberg and Ward): a room of 35.5 by 22 by
 // 8.9 feet, a long table with 12 chairs, 20 more along the walls, lit by panels in the ceiling. A green bunny crosses
 // the table and comes back, as in the Conference animation of Dubla 2012, section 6.3.2.
-#include <array>
 #include <cmath>
 #include <numbers>
 

@@ -8,7 +8,6 @@
 #include <map>
 #include <numbers>
 #include <set>
-#include <stdexcept>
 
 #include "files/input_file.h"
 #include "scene/import_model.h"

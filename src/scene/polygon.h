@@ -1,7 +1,6 @@
 // Plane figures to model solids from: arcs, arched openings, rounded slabs; and their triangulation.
 #pragma once
 
-#include <cstdint>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <span>

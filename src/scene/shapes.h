@@ -1,7 +1,6 @@
 // Elementary meshes to build scenes from. Triangles face the way each docstring says.
 #pragma once
 
-#include <functional>
 #include <glm/vec2.hpp>
 #include <span>
 #include <string>

@@ -1,6 +1,5 @@
 #include "scene/texture.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 

@@ -1,7 +1,6 @@
 #include "image/metrics/hdrvdp.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/glm.hpp>
 
