@@ -175,7 +175,7 @@ def _rendered(rows: pd.DataFrame) -> tuple[list[Plane], str]:
     if rows.empty:
         return [], ""
     rows = _largest_family(rows, "rays", "a")
-    scene = str(rows["family"].iloc[0]).split(":")[0].replace("_", " ")
+    scene = str(rows["scene"].iloc[0] or rows["family"].iloc[0].split(":")[0]).replace("_", " ")
     return [Plane(kMeasured, True, int(threads), float(accuracy), *_tables(part, "rays_per_record", "took"),
                   f"rendering {scene}, a = {accuracy:g}")
             for (threads, accuracy), part in rows.groupby(["threads", "accuracy"])], scene

@@ -38,7 +38,7 @@ kNumericColumns = (
     "threads", "repetition_index", "real_time", "cpu_time", "items_per_second", "queries", "hits", "inserts",
     "records", "redundant_records", "utilisation", "lock_wait_share", "cas_attempts", "cas_failures",
     "nodes_discarded", "bytes_per_record", "record_cost_us", "rays_per_record", "accuracy", "spp", "cell_size", "rays",
-    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect", "validated_to_threads")
+    "rmse", "relmse", "mean_ratio", "reference_relmse", "seconds_indirect", "validated_to_threads", "width", "height")
 kWorkloadParameters = {"rays": "rays_per_record", "a": "accuracy", "cost": "record_cost_us"}
 
 
@@ -345,6 +345,13 @@ def _of_one_machine(simulated: pd.DataFrame, remarks: list[str]) -> pd.DataFrame
     return simulated[taken]
 
 
+def _tell_sizes_apart(rows: pd.DataFrame) -> None:
+    """Names scenes that were rendered at several sizes by theirs as well: neither times nor errors are one curve."""
+    size = ", " + rows["width"].map("{:g}".format) + " × " + rows["height"].map("{:g}".format)
+    several = size.where(rows["width"] > 0).groupby(rows["scene"]).transform("nunique") > 1
+    rows.loc[several & (rows["width"] > 0) & (rows["scene"] != ""), "scene"] += size
+
+
 def _is_rendered(configuration: dict) -> bool:
     """Whether a sweep has workloads that a reference judges."""
     synthetic = ("read_only", "insert_only", "mix_", "miss_driven", "trace")
@@ -420,6 +427,7 @@ def load(paths) -> list[Setup]:
             setup.remarks.append(f"{again.sum()} rows occur twice in the files and count once")
             rows = rows[~again].reset_index(drop=True)
         rows["items_per_second"] = useful_rate(rows)
+        _tell_sizes_apart(rows)
         setup.rows, setup.simulated = (part.reset_index(drop=True) for part in
                                        (rows[~rows["simulated"]], rows[rows["simulated"]]))
         if setup.rows.empty:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import itertools
 import json
 import math
 import re
@@ -413,27 +414,33 @@ class Findings(InFolder):
         self.assertIn(found, findings.findings(setup))
         self.assertIsNone(findings.of_strictness(self.setup_of(), 8))  # only one of the two was measured
 
-    def test_error_at_equal_time_is_the_ratio_at_the_caches_time(self):
+    def of_error(self, **pixels: int) -> findings.Finding:
+        """Of path tracing whose relMSE is 1 / seconds, and a cache, of pictures of a size, and of one an eighth as wide
+        that takes a 64th of the time."""
         rows = []
-        for repetition in range(3):
-            shared = {"threads": 1, "scene": "box", "workload_kind": "ray_traced",
-                      "repetition_index": repetition,
-                      "real_time": 1.0, "time_unit": "s"}
-            for spp in (1, 100):  # relMSE 1 / seconds
-                rows.append(shared | {"name": f"pareto/path:{spp}/none/threads:1", "cache": "none",
-                                      "spp": spp,
-                                      "workload": f"box:path:spp={spp}", "integrator": "path",
-                                      "structure": "none",
-                                      "mechanism": "none", "seconds_indirect": float(spp),
+        for repetition, small in itertools.product(range(3), (False, True) if pixels else (False,)):
+            size = {key: value // 8 if small else value for key, value in pixels.items()}
+            name, share = f"box{':small' if small else ''}", 1 / 64 if small else 1.0
+            shared = size | {"threads": 1, "scene": "box", "workload_kind": "ray_traced", "time_unit": "s",
+                             "repetition_index": repetition, "real_time": 1.0}
+            for spp in (1, 100):
+                rows.append(shared | {"name": f"pareto/{name}:path:{spp}/none/threads:1", "cache": "none", "spp": spp,
+                                      "workload": f"{name}:path:spp={spp}", "integrator": "path",
+                                      "structure": "none", "mechanism": "none", "seconds_indirect": share * spp,
                                       "relmse": 1.0 / spp})
-            rows.append(shared | {"name": "pareto/box/wait_free/threads:1", "cache": "wait_free",
-                                  "structure": "ward",
-                                  "workload": "box:rays=8", "mechanism": "wait_free",
-                                  "integrator": "irradiance_cache",
-                                  "seconds_indirect": 10.0, "relmse": 0.02})
+            rows.append(shared | {"name": f"pareto/{name}/wait_free/threads:1", "cache": "wait_free",
+                                  "structure": "ward", "workload": f"{name}:rays=8", "mechanism": "wait_free",
+                                  "integrator": "irradiance_cache", "seconds_indirect": 10.0 * share, "relmse": 0.02})
         path = write_results(self.folder / "results.json", {"context": kContext, "benchmarks": rows})
-        found = findings.of_error(results.load([path])[0], "ward", 1)
+        return findings.of_error(results.load([path])[0], "ward", 1)
+
+    def test_error_at_equal_time_is_the_ratio_at_the_caches_time(self):
+        self.assertEqual(self.of_error().value, "5.00× [5.00, 5.00]")
+
+    def test_pictures_of_another_size_are_no_rivals(self):
+        found = self.of_error(width=64, height=48)
         self.assertEqual(found.value, "5.00× [5.00, 5.00]")
+        self.assertIn("box, 64 × 48", found.text)
 
 
 if __name__ == "__main__":
