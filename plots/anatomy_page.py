@@ -32,7 +32,8 @@ def sentences(table: pd.DataFrame) -> str:
         said = (f"At {kPoints.get(name, name)} a packed query is {style.number(whole)} times as fast as one to Ward's "
                 "structure.")
         reads = part.set_index("part")
-        if "cache_lines" in reads and reads["cache_lines"].notna().sum() > 1:
+        told = ["cache_lines", "records_read", "records_valid"]
+        if set(told) <= set(reads) and reads.loc[["wait_free", "packed_wait_free"], told].notna().all(axis=None):
             ward, packed = reads.loc["wait_free"], reads.loc["packed_wait_free"]
             said += (f" It reads {style.number(packed['cache_lines'])} cache lines instead of "
                      f"{style.number(ward['cache_lines'])}, and {style.number(packed['records_read'])} whole records "

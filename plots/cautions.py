@@ -20,10 +20,12 @@ def _stated(context: dict, *keys):
 
 
 def _load(context: dict) -> float:
-    """Of the machine when a run began: mean over a minute; 0 if that is not known."""
-    load = context.get("load_avg")
-    load = load[0] if isinstance(load, list) and load else load
-    return load if isinstance(load, (int, float)) else 0.0
+    """The largest of the machine when a run began, or went on: means over a minute; 0 if none is known."""
+    resumed = context.get("resumed")
+    begun = [context, *(one for one in (resumed if isinstance(resumed, list) else []) if isinstance(one, dict))]
+    loads = [one.get("load_avg") for one in begun]
+    loads = [load[0] if isinstance(load, list) and load else load for load in loads]
+    return max((load for load in loads if isinstance(load, (int, float))), default=0.0)
 
 
 def _of_machine(context: dict, load: float) -> list[Caution]:
@@ -50,7 +52,7 @@ def _of_machine(context: dict, load: float) -> list[Caution]:
         made.append(Caution(False, "The processing units are not equally fast: scaling mixes fast and "
                                    "slow ones."))
     if load > 0.5:
-        made.append(Caution(False, "The machine was not idle when a run began (load "
+        made.append(Caution(False, "The machine was not idle when a run began or went on (load "
                                    f"{style.number(load, 2)})."))
     if context.get("dirty") is True:
         made.append(Caution(False, "The source tree had changes that are not in the recorded commit."))

@@ -126,13 +126,15 @@ def _of_metric(first: pd.DataFrame, second: pd.DataFrame, value: str, paired: bo
     """The cells of one metric, and of each its resampled log ratios. A cell needs a ratio of every repetition: left out
     is one that has any at or below 0, as counts of redundant records may be.
     """
+    # The files of one setup are paired with those of the other in their order.
+    first, second = (part.assign(file=part["run"].rank(method="dense")) for part in (first, second))
     first, second = (part[part[value].notna()] for part in (first, second))
     first, second = (part[(part[value] > 0).groupby([part[key] for key in kCell]).transform("all")]
                      for part in (first, second))
     before, after = _groups(first, value), _groups(second, value)
     common = [key for key in before if key in after]
     if paired:
-        keys = [*kCell, "repetition_index", "take"]
+        keys = [*kCell, "file", "repetition_index", "take"]
         old, new = (part.drop_duplicates(keys)[[*keys, value]] for part in (first, second))
         merged = new.merge(old, on=keys, suffixes=("", "_before"))
         merged["log"] = np.log(merged[value] / merged[f"{value}_before"])

@@ -12,7 +12,8 @@ def write_whole(path: Path, content: bytes | str) -> None:
     """
     scratch = path.with_name(f".{path.name}.scratch")
     try:
-        scratch.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+        # Names of files may hold bytes that are no characters.
+        scratch.write_bytes(content.encode("utf-8", "replace") if isinstance(content, str) else content)
         os.replace(scratch, path)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None

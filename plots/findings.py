@@ -112,7 +112,7 @@ def _mean_ratio(rows: pd.DataFrame, cache: str, base: str, value: str, smaller: 
     if whole.empty:
         return None
     each = logs.groupby(pairs["panel"]).median()
-    return {"ratio": interval_of(np.exp(whole["mean"])), "panels": panels,
+    return {"ratio": interval_of(np.exp(whole["mean"])), "panels": panels, "names": set(each.index),
             "least": (math.exp(each.min()), each.idxmin()), "most": (math.exp(each.max()), each.idxmax())}
 
 
@@ -241,11 +241,12 @@ def of_strictness(setup: Setup, threads: int) -> Finding | None:
     if found["panels"] > 1:
         where = (f"geometric mean of {found['panels']} workloads. From {style.number(least)}× ({at_least}) to "
                  f"{style.number(most)}× ({at_most})")
-    speeds = rows[rows["cache"] == plain].groupby("panel")["items_per_second"].median()
+    speeds = rows[(rows["cache"] == plain) & rows["panel"].isin(found["names"])].groupby("panel")
+    speed = math.exp(np.log(speeds["items_per_second"].median()).mean())
     return Finding(f"What strictness costs, {place(setup, threads)}", _interval(ratio),
                    f"the throughput of {strict}, whose queries are atomic snapshots, over that of {plain}, whose "
                    f"queries are not; {where}.{'' if ratio[2] < 1 else _decided(ratio)}",
-                   f"Base: {plain}, {style.number(math.exp(np.log(speeds).mean()) * 1e-6)} M operations/s")
+                   f"Base: {plain}, {style.number(speed * 1e-6)} M operations/s")
 
 
 def of_error(setup: Setup, structure: str, threads: int) -> Finding | None:

@@ -22,9 +22,9 @@ kFloorColour = "#6b6b6b"
 
 
 def _drawable(part: pd.DataFrame, error: str) -> pd.Series:
-    """The error, where it is 0 half of a pixel's share: it has to stand somewhere on a logarithmic axis."""
-    smallest = 100 / (part["width"] * part["height"]) if error.startswith("hdrvdp") and "width" in part else np.nan
-    return part[error].where(part[error] > 0, smallest / 2)
+    """The error; of pixels, where it is none, half of one's share: it has to stand somewhere on a logarithmic axis."""
+    sized = error.startswith("hdrvdp") and {"width", "height"} <= set(part)
+    return part[error].where(part[error] > 0, 50 / (part["width"] * part["height"]) if sized else np.nan)
 
 
 def _draw(axes, layout: style.Layout, part: pd.DataFrame, error: str) -> None:
@@ -37,14 +37,14 @@ def _draw(axes, layout: style.Layout, part: pd.DataFrame, error: str) -> None:
     style.log_axis(axes.yaxis, [*part["y"], *part[spans].to_numpy().ravel(), floor], most=5 if layout.small else 7)
     if floor > 0:
         axes.axhline(floor, color=kFloorColour, linewidth=layout.line * 0.8, linestyle=style.kDashed, zorder=0.6)
-    best = part[part[f"front_{error}"]].sort_values(["seconds", "y"])
+    best = part[on_front(part["seconds"], part["y"])].sort_values(["seconds", "y"])
     top, right = axes.get_ylim()[1], axes.get_xlim()[1]
     axes.step([best["seconds"].iloc[0], *best["seconds"], right], [top, *best["y"], best["y"].iloc[-1]],
               where="post", color=kFrontColour, linewidth=layout.line * 3.2, zorder=1, solid_joinstyle="round")
     for method in method_order(part["method"]):
         mine = part[part["method"] == method].sort_values(["seconds", "y"])
         options = style.line_options(method, layout)
-        own = mine[on_front(mine["seconds"], mine[error])]
+        own = mine[on_front(mine["seconds"], mine["y"])]
         rest = mine.drop(own.index)
         axes.plot(rest["seconds"], rest["y"], zorder=2,
                   **(options | {"linestyle": "none", "alpha": 0.35, "markersize": options["markersize"] * 0.6}))
@@ -80,10 +80,12 @@ def build(measured: Measured) -> Built:
         panels = [Panel(scene.replace("_", " "), partial(_draw, part=part, error=error), _subtitle(part))
                   for scene, part in table.groupby("scene") if (_drawable(part, error) > 0).any()]
         has_floor = kFloors.get(error) in table
-        zero = (table[error] == 0).any()
+        none = table[table[error] == 0]
+        drawn = (_drawable(none, error) > 0).any()
+        zero = " An error of 0 is drawn as half a pixel." if drawn else " An error of 0 is not drawn."
         plates.append(Plate(
             error, title, panels, partial(_handles, methods, error, has_floor), "seconds for the indirect light",
-            kErrors[error], foot + (" An error of 0 is drawn as half a pixel." if zero else ""),
+            kErrors[error], foot + (zero if len(none) else ""),
             (min(2, len(panels)), 1), (3.4, 2.4), (0.5, 0.4)))
     notes = [] if "path" in methods else ["no path-traced rival was measured"]
     return Built(table, plates, notes)

@@ -174,10 +174,10 @@ def _picture(folder: Path, entry: dict) -> str:
         return f"<figure><figcaption><b>{text(name)}</b>: no setting is that fast</figcaption></figure>"
     try:
         made, error = (data_uri("image/png", (folder / entry[key]).read_bytes()) for key in ("image", "map"))
+        about = (f"{setting_words(str(entry['setting']))}; {style.duration(entry['seconds'])}, FLIP "
+                 f"{style.number(entry['flip'])}")
     except (OSError, TypeError, KeyError):
         return f"<figure><figcaption><b>{text(name)}</b>: the picture cannot be read</figcaption></figure>"
-    about = (f"{setting_words(str(entry['setting']))}; {style.duration(entry['seconds'])}, FLIP "
-             f"{style.number(entry['flip'])}")
     return (f'<figure>{image(made, name)}{image(error, f"error of {name}")}'
             f"<figcaption><b>{text(name)}</b><br>{text(about)}</figcaption></figure>")
 

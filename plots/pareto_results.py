@@ -240,19 +240,18 @@ def load(paths) -> list[Measured]:
     return found
 
 
-def load_what_can_be(paths) -> tuple[list[Measured], list[str]]:
-    """The same, but files that cannot be read, or not beside those before, cost no others: they are left out, and why
-    is told.
+def load_what_can_be(load_files, paths) -> tuple[list, list[str]]:
+    """What `load_files`, this module's or another's, makes of files; but those that cannot be read, or not beside those
+    before, cost no others: they are left out, and why is told.
     """
-    good, left_out, settings = [], [], _settings()
+    made, good, left_out = [], [], []
     for path in dict.fromkeys(Path(p).resolve() for p in paths):
         try:
-            context, rows = _read(path)
-            settings.require_equal(_identity(context), path, context, rows)
+            made = load_files([*good, path])
             good.append(path)
         except InputError as error:
             left_out.append(str(error))
-    return load(good), left_out
+    return made, left_out
 
 
 def method_order(names) -> list[str]:

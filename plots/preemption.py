@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """Latencies of all others while a thread is held in the middle of an operation, and while none is."""
+import re
 import sys
 from functools import partial
 
@@ -42,7 +43,7 @@ def build(measured: Measured) -> Built:
         caches = style.cache_order(part["cache"])
         foot = _stalled(measured, caches, {"workload": workload, "threads": threads, "hold_ms": hold})
         foot += f" Markers: the longest operation. {interval_note(part['n'])}"
-        plates.append(Plate(f"{workload.split(':')[0]}-{int(threads)}-{hold:g}ms".replace("_", "-"),
+        plates.append(Plate(f"{re.sub(r'[^A-Za-z0-9.]+', '-', workload)}-{int(threads)}-{hold:g}ms",
                             panel_name(workload, threads, hold), panels,
                             lambda layout, caches=caches: cache_handles(caches, layout), "percentile of operations",
                             "latency", foot, (4, 2), (1.75, 1.1), (0.46, 0.33)))

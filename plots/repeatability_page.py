@@ -36,6 +36,8 @@ def sentence(name: str, part: pd.DataFrame) -> str:
     if most.empty:
         return (f"<p><b>{text(style.capital(name))}: with {style.threads_text(threads)} no picture differs from "
                 "that of one thread.</b></p>")
+    if not (most.get("rms_to_single_share_of_mean", pd.Series(dtype=float)) >= 0).any():
+        return ""
     shares = most["rms_to_single_share_of_mean"]
     said = (f"{style.capital(name)}: with {style.threads_text(threads)} a picture differs from that of one thread by "
             f"{style.number(100 * shares.min())} to {_most(most, 'rms_to_single_share_of_mean')} of its mean")
@@ -51,7 +53,7 @@ def _shares(line: pd.Series, kind: str) -> str:
     of_mean = "0"
     if line[kind] > 0:
         of_mean = interval(*(line[f"{kind}_share_of_mean{end}"] for end in ("", "_low", "_high")), scale=100)
-    of_error = line.get(f"{kind}_share_of_error")
+    of_error = line.get(f"{kind}_share_of_error", np.nan)
     under = f'<span class="under">{style.number(100 * of_error)} % of the error</span>' if of_error > 0 else ""
     return f'<td class="n">{of_mean}&nbsp;%{under}</td>'
 

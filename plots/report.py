@@ -10,7 +10,7 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import nullcontext
@@ -69,6 +69,8 @@ kAnatomy = "anatomy*.json"
 kPreemption = "preempt*.json"
 kTimelines = "timeline*.json"
 kBreakdowns = "breakdown*.json"
+# What may stand beside the results, by option.
+kBeside = ("correctness", "pareto", "repeatability", "anatomy", "preemption", "timelines", "breakdowns")
 kPicturePixels = 1000    # larger pictures are scaled down to this before they are inlined
 kParentDeathSignal = 1   # PR_SET_PDEATHSIG of prctl(2)
 kForkPays = 2.0          # seconds of drawing alone
@@ -356,26 +358,35 @@ def _correctness(found: list[correctness.Correctness], out: Path) -> str:
 
 def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatability: list[Path],
           anatomy: list[Path], out: Path, command: str, preemption: list[Path] = (),
-          timelines: list[Path] = (), breakdowns: list[Path] = (), forgiving: bool = False) -> Path:
+          timelines: list[Path] = (), breakdowns: list[Path] = (), named: Collection[str] = kBeside) -> Path:
     """Writes out/report.html and out/figures; returns the page. Raises InputError or OSError.
 
     `verdicts` are files of icstress, `pareto` and `repeatability` of the commands of icbench of these names, `anatomy`
     of the program of that name, `preemption` of icbench preempt, `timelines` of icbench sweep --timeline and
-    `breakdowns` of icbench sweep --breakdown. `forgiving`: files of `pareto` that cannot be read are left out, and the
-    page says so.
+    `breakdowns` of icbench sweep --breakdown. Of all of these but the kinds in `named`, files that cannot be read are
+    left out, and the page says so.
     """
+    left_out: list[str] = []
+
+    def of(kind: str, load_files: Callable, files: list[Path]) -> list:
+        if kind in named or not files:
+            return load_files(files) if files else []
+        made, others = pareto_results.load_what_can_be(load_files, files)
+        for why in others:
+            print(f"report.py: left out: {why}", file=sys.stderr)
+        left_out.extend(others)
+        return made
+
     setups = load(paths)
-    checked = correctness.load(verdicts)
-    compared, left_out = pareto_results.load_what_can_be(pareto) if forgiving else (pareto_results.load(pareto), [])
+    checked = of("correctness", correctness.load, verdicts)
+    compared = of("pareto", pareto_results.load, pareto)
     for one in compared[:1]:
-        one.left_out = left_out
-    for why in left_out:
-        print(f"report.py: left out: {why}", file=sys.stderr)
-    repeated = repeatability_results.load(repeatability)
-    apart = anatomy_results.load(anatomy)
-    stopped = preemption_results.load(preemption)
-    drawn = timeline_results.load(timelines)
-    accounted = load(breakdowns) if breakdowns else []
+        one.left_out, left_out = left_out, []
+    repeated = of("repeatability", repeatability_results.load, repeatability)
+    apart = of("anatomy", anatomy_results.load, anatomy)
+    stopped = of("preemption", preemption_results.load, preemption)
+    drawn = of("timelines", timeline_results.load, timelines)
+    accounted = of("breakdowns", load, breakdowns)
     several = len(setups) > 1
     out.mkdir(parents=True, exist_ok=True)
     body, label = kIntroduction, setups[0].label
@@ -389,8 +400,7 @@ def build(paths: list[Path], verdicts: list[Path], pareto: list[Path], repeatabi
         which = f" ({text('; '.join(cut))})" if several else ""
         body += (f'<div class="banner">Incomplete results{which}: the run was cut short, and this page shows '
                  "only what was measured until then.</div>")
-    if not compared:
-        body += "".join(f'<div class="banner">Left out: {text(why)}.</div>' for why in left_out)
+    body += "".join(f'<div class="banner">Left out: {text(why)}.</div>' for why in left_out)
     body += "".join(map(correctness_page.alarm, checked))
     if several:
         names = "".join(f'<a href="#{s.slug}-summary">{text(s.label)}</a>' for s in setups)
@@ -449,7 +459,7 @@ def main() -> int:
     interrupts.end_with_a_line()
     try:
         print(build(arguments.results, verdicts, pareto, repeatability, anatomy, out, shlex.join(sys.argv), preemption,
-                    timelines, breakdowns, forgiving=not arguments.pareto))
+                    timelines, breakdowns, [kind for kind in kBeside if getattr(arguments, kind)]))
     except (InputError, OSError) as error:
         print(f"report.py: {error}", file=sys.stderr)
         return 2

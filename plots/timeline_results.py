@@ -54,5 +54,12 @@ def _read(path: Path) -> Timeline:
 
 
 def load(paths) -> list[Timeline]:
-    """Raises InputError for a file that is no timeline."""
-    return [_read(Path(path)) for path in paths]
+    """The files, each once, under names of their own. Raises InputError for one that is no timeline."""
+    once: dict[Path, Path] = {}
+    for path in map(Path, paths):
+        once.setdefault(path.resolve(), path)
+    made = [_read(path) for path in once.values()]
+    for number, one in enumerate(made):
+        earlier = sum(other.slug == one.slug for other in made[:number])
+        one.slug += f"-{earlier + 1}" if earlier else ""
+    return made

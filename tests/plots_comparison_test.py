@@ -68,7 +68,8 @@ class Comparison(InFolder):
 
         def made() -> pd.DataFrame:
             return pd.DataFrame([{"cache": cache, "panel": f"panel {panel}", "threads": threads,
-                                  "repetition_index": repetition, "take": 0, "rate": math.exp(random.normal(0, 0.05))}
+                                  "repetition_index": repetition, "run": 0, "take": 0,
+                                  "rate": math.exp(random.normal(0, 0.05))}
                                  for cache in ("a", "b") for panel in range(4) for threads in range(1, 101)
                                  for repetition in range(7)])
         for paired in (True, False):
@@ -92,6 +93,24 @@ class Comparison(InFolder):
         self.assertTrue((one.cells["ratio"] > 0).all())
         return one
 
+    def test_all_repetitions_of_pooled_files_count(self):
+        paths = []
+        for commit, part in ("0", (0, 2)), ("0", (3, 5)), ("1", (0, 2)), ("1", (3, 5)):
+            data = json.loads(self.file("a").read_text())
+            data["context"]["commit"] = 16 * commit
+            data["benchmarks"] = [row for row in data["benchmarks"] if part[0] <= row["repetition_index"] <= part[1]]
+            for row in data["benchmarks"]:
+                row["repetition_index"] -= part[0]
+                row["queries"] *= 1 + int(commit)
+                row["items_per_second"] *= 1 + int(commit)
+            paths.append(write_results(self.folder / f"{commit}{part[0]}.json", data))
+        cells = comparison.comparisons(results.load(paths))[0].cells
+        cells = cells[cells["metric"] == "items_per_second"]
+        self.assertEqual(set(cells["n"]), {6})
+        for ratio in cells["ratio"]:  # of pairs of the same rows
+            self.assertAlmostEqual(ratio, 2.0)
+        self.assertEqual(set(cells["verdict"]), {"better"})
+
     def test_fewer_than_six_repetitions_decide_nothing(self):
         for repetitions in (2, 3, 5):
             one = self.of_few_repetitions(repetitions)
@@ -105,8 +124,8 @@ class Comparison(InFolder):
     def test_a_repetition_is_not_left_out_for_what_it_counted(self):
         # Of counts around 0 those above are no sample: the second of these has fewer.
         def made(counts) -> pd.DataFrame:
-            return pd.DataFrame([{"cache": "a", "panel": panel, "threads": 2, "repetition_index": i, "take": 0,
-                                  "redundant_records": count + shift}
+            return pd.DataFrame([{"cache": "a", "panel": panel, "threads": 2, "repetition_index": i, "run": 0,
+                                  "take": 0, "redundant_records": count + shift}
                                  for panel, shift in (("around none", 0), ("some", 100))
                                  for i, count in enumerate(counts)])
         first, second = made((-9, -8, -6, -5, 1, 2, 3)), made((-40, -30, -25, -20, -15, 4, 9))

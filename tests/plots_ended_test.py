@@ -19,6 +19,15 @@ import report
 from figure import Figure
 
 
+class Named(InFolder):
+    def test_a_file_whose_name_is_no_text_has_a_page(self):
+        small = self.small()
+        odd = Path(os.fsdecode(os.fsencode(self.folder) + b"/r\xff.json"))
+        small.rename(odd)
+        self.good("report.py", odd, "--out", self.folder / "out")
+        self.assertIn("r?.json", (self.folder / "out/report.html").read_text(encoding="utf-8"))
+
+
 class EndedEarly(InFolder):
     def test_an_interrupt_while_libraries_are_imported_is_one_line_and_status_130(self):
         (self.folder / "pandas.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")

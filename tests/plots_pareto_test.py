@@ -12,6 +12,7 @@ import numpy as np
 from plots_models import model_pareto
 from plots_support import InFolder, run, write_results
 
+import pareto
 import pareto_choice
 import pareto_page
 import pareto_results
@@ -51,7 +52,7 @@ class Pareto(InFolder):
             with self.assertRaisesRegex(results.InputError, f"{name} of cornell_box is {value} here and .*; draw"):
                 pareto_results.load([first, file("other.json", **{name: value})])
         (self.folder / "other.json").unlink()
-        found, left_out = pareto_results.load_what_can_be([first, wide])
+        found, left_out = pareto_results.load_what_can_be(pareto_results.load, [first, wide])
         self.assertEqual([one.paths for one in found], [[first.resolve()]])
         self.assertIn("width of cornell_box", left_out[0])
         again = file("again.json", seed=99)
@@ -222,7 +223,7 @@ class Pareto(InFolder):
         data = model_pareto(scenes=("cornell_box",))
         data["benchmarks"][0] |= {"threads": "all", "seed": [1, 2], "newer": {"a": 1}}
         data["benchmarks"][1] |= {"flip": [0.1], "relmse": {}}
-        found, left_out = pareto_results.load_what_can_be([write_results(self.folder / "pareto.json", data)])
+        found, left_out = pareto_results.load_what_can_be(pareto_results.load, [write_results(self.folder / "pareto.json", data)])
         self.assertEqual((len(found[0].rows), left_out), (len(data["benchmarks"]) - 1, []))
 
     def test_pictures_stand_side_by_side_with_their_errors(self):
@@ -241,6 +242,39 @@ class Pareto(InFolder):
         self.assertEqual(page.count("data:image/png;base64,"), 3)
         self.assertIn("16 spp; 500 ms, FLIP 0.250", page)
         self.assertIn("<b>hash cells</b>: no setting is that fast", page)
+
+    def test_a_picture_that_is_not_described_costs_no_others(self):
+        data = model_pareto(scenes=("cornell_box",))
+        data["context"]["images"] = "shots"
+        shots = self.folder / "shots"
+        shots.mkdir()
+        for name in ("a", "a_error"):
+            matplotlib.image.imsave(shots / f"{name}.png", np.zeros((4, 4)))
+        whole = {"method": "path", "setting": "spp:16", "seconds": 0.5, "flip": 0.25, "image": "a.png",
+                 "map": "a_error.png"}
+        for absent in "setting", "seconds", "flip":
+            (shots / "images.json").write_text(json.dumps(
+                {"scene": "cornell_box", "budgets": [{"spp": 16, "seconds": 0.5, "pictures": [
+                    whole, {key: value for key, value in whole.items() if key != absent}]}]}))
+            page = self.page(data)
+            self.assertEqual(page.count("data:image/png;base64,"), 2)
+            self.assertEqual(page.count("the picture cannot be read"), 1)
+
+    def test_a_setting_without_error_costs_no_figure_and_is_told(self):
+        for error in "flip", "hdrvdp_p75":
+            for sized in (True, False) if error == "hdrvdp_p75" else (True,):
+                data = model_pareto(scenes=("cornell_box",))
+                fastest = min(row["seconds_indirect"] for row in data["benchmarks"])
+                for row in data["benchmarks"]:
+                    if row["method"] == "path" and row["name"].endswith("setting:0"):
+                        row |= {error: 0.0, "seconds_indirect": 0.5 * fastest}
+                    if not sized:
+                        del row["height"]
+                found, = pareto_results.load([write_results(self.folder / "pareto.json", data)])
+                plate, = (plate for plate in pareto.build(found).plates if plate.slug == error)
+                drawn = error == "hdrvdp_p75" and sized
+                self.assertIn("is drawn as half a pixel" if drawn else "is not drawn", plate.footnote)
+                self.good("pareto.py", self.folder / "pareto.json", "--out", self.folder / "out")
 
     def test_an_incomplete_run_stands_out(self):
         page = self.page(model_pareto(complete=False))

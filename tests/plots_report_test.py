@@ -26,6 +26,7 @@ import findings
 import repeatability_page
 import repeatability_results
 import results
+import timeline_results
 from figures import FIGURES
 
 
@@ -182,6 +183,18 @@ class Repeatability(InFolder):
         for target in re.findall(r'href="#([^"]+)"', page):
             self.assertEqual(page.count(f'id="{target}"'), 1, target)
 
+    def test_a_file_without_shares_has_a_page(self):
+        data = model_repeatability()
+        for row in data["benchmarks"]:
+            for name in [name for name in row if "_share_of_" in name]:
+                if name.endswith("error"):
+                    del row[name]
+        self.assertIn("of its mean.", self.page(data))
+        for row in data["benchmarks"]:
+            for name in [name for name in row if "_share_of_" in name]:
+                del row[name]
+        self.assertIn("global mutex", self.page(data))
+
     def test_the_page_says_how_far_and_beside_what(self):
         page = self.page(model_repeatability())
         self.assertIn("Cornell box, irradiance cache: with 8 threads a picture differs from that of one thread by "
@@ -247,6 +260,41 @@ class Stopped(InFolder):
         self.assertRegex(page, r'<td>packed_global_mutex</td><td class="n">50[^<]*<small>')
         self.assertRegex(page, r'<td>packed_wait_free</td><td class="n">0 ')
 
+    def test_what_cannot_be_read_beside_the_results_is_left_out_and_named(self):
+        path = self.small()
+        for name in ("repeatability", "anatomy", "preempt", "breakdown", "pareto"):
+            write_results(self.folder / f"{name}.json", {"context": {}, "benchmarks": []})
+        (self.folder / "timeline.json").write_text("{")
+        (self.folder / "correctness.json").write_text("{")
+        write_results(self.folder / "preempt_2.json", model_preempt())
+        done = run("report.py", path)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        page = (self.folder / "report.html").read_text()
+        for name in ("repeatability", "anatomy", "preempt", "breakdown", "pareto", "timeline", "correctness"):
+            self.assertRegex(page, rf"Left out: [^<]+/{name}\.json: ")
+            self.assertRegex(done.stderr, rf"report\.py: left out: \S+/{name}\.json: ")
+        self.assertIn(">When a thread is held</h2>", page)
+        named = run("report.py", path, "--preemption", self.folder / "preempt.json")
+        self.assertEqual(named.returncode, 2)
+
+    def test_workloads_that_differ_in_a_parameter_have_a_picture_each(self):
+        data = model_preempt()
+        hot = "mix_90_10:order=hot_spot"
+        data["benchmarks"] += [row | {"workload": hot, "name": row["name"].replace("mix_90_10", hot)}
+                               for row in data["benchmarks"]]
+        done = self.good("preemption.py", write_results(self.folder / "preempt.json", data))
+        self.assertEqual(sorted(Path(line).name for line in done.stdout.splitlines() if line.endswith(".svg")),
+                         ["preemption-mix-90-10-4-10ms.svg", "preemption-mix-90-10-order-hot-spot-4-10ms.svg"])
+
+    def test_timelines_of_one_name_are_kept_apart(self):
+        paths = [self.folder / part / "timeline.json" for part in "ab"]
+        for path, threads in zip(paths, (2, 3)):
+            path.parent.mkdir()
+            write_results(path, model_timeline(threads))
+        found = timeline_results.load([*paths, paths[0]])
+        self.assertEqual([one.slug for one in found], ["timeline-timeline", "timeline-timeline-2"])
+        self.assertEqual([one.path for one in found], paths)
+
     def breakdown(self, counted: dict, **said) -> str:
         """The part of the page; `counted` by one operation."""
         data = model_results(caches=few_caches()[1:], workloads=kFewWorkloads[1:2], threads=(1, 8, 32), repetitions=3,
@@ -276,6 +324,14 @@ class Stopped(InFolder):
 
 class Anatomy(InFolder):
     """What anatomy measured, as a part of the report."""
+
+    def test_a_file_without_records_that_were_read_has_a_page(self):
+        for absent in "records_read", "records_valid", "cache_lines":
+            data = model_anatomy()
+            data["benchmarks"] = [{k: v for k, v in row.items() if k != absent} for row in data["benchmarks"]]
+            page = self.page(data)
+            self.assertIn("times as fast as one to Ward", page)
+            self.assertNotIn("whole records instead of", page)
 
     def page(self, data: dict) -> str:
         path = write_results(self.folder / "anatomy.json", data)
@@ -384,6 +440,8 @@ class Findings(InFolder):
     def test_the_busiest_of_pooled_runs_is_warned_of(self):
         setup, = results.load([self.results("a.json"), self.results("b.json", seed=2, load_avg=[37.0, 1.0, 1.0])])
         self.assertIn("(load 37)", " ".join(w.text for w in cautions.cautions(setup)))
+        setup, = results.load([self.results("c.json", load_avg=[0.1], resumed=[{"load_avg": [30.0, 2.0]}, "odd", {}])])
+        self.assertIn("(load 30)", " ".join(w.text for w in cautions.cautions(setup)))
 
     def test_a_tie_is_undecided(self):
         caches = few_caches()
@@ -405,12 +463,18 @@ class Findings(InFolder):
         for row in data["benchmarks"]:
             rate = {"global_mutex": 1e6, "wait_free": 4e6, "wait_free_snapshot": 3e6}[row["cache"]]
             row |= {"items_per_second": rate, "real_time": row["queries"] / rate * 1e3}
+        # Of what the strict one did not run, the base tells nothing.
+        slow = [row | {"workload": "alone", "name": row["name"].replace(row["workload"], "alone"), "queries": 100,
+                       "items_per_second": 100 / row["real_time"] * 1e3} for row in data["benchmarks"]
+                if row["cache"] == "wait_free" and row["workload"] == kFewWorkloads[0]]
+        data["benchmarks"] += slow
         setup = results.load([write_results(self.folder / "results.json", data)])[0]
         found = findings.of_strictness(setup, 8)
         self.assertEqual(found.value, "0.750× [0.750, 0.750]")
         self.assertIn("of wait_free_snapshot, whose queries are atomic snapshots, over that of wait_free",
                       found.text)
         self.assertNotIn("Undecided", found.text)
+        self.assertEqual(found.base, "Base: wait_free, 4.00 M operations/s")
         self.assertIn(found, findings.findings(setup))
         self.assertIsNone(findings.of_strictness(self.setup_of(), 8))  # only one of the two was measured
 
