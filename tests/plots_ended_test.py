@@ -33,7 +33,9 @@ class EndedEarly(InFolder):
         (self.folder / "pandas.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
         for script in ("report.py", "throughput.py"):
             done = subprocess.run([sys.executable, "-B", kPlots / script, self.folder / "results.json"], text=True,
-                                  stderr=subprocess.PIPE, check=False, env={**os.environ, "PYTHONPATH": str(self.folder)})
+                                  stderr=subprocess.PIPE, check=False,
+                                  env={**os.environ, "PYTHONPATH": str(self.folder)},
+                                  preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
             self.assertEqual((done.returncode, done.stderr), (130, f"{script}: interrupted\n"))
 
 

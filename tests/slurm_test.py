@@ -6,12 +6,13 @@ tests/slurm tries it against a real one.
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import unittest
 from pathlib import Path
 
-from cli_support import ICBENCH, PATIENCE, Case, key_of
+from cli_support import ICBENCH, PATIENCE, Case, key_of, small_capture
 
 kRoot = Path(__file__).resolve().parent.parent
 kSweep = ["--workloads", ",".join(f"{workload}=50:scene=white_furnace"
@@ -21,6 +22,7 @@ kSweep = ["--workloads", ",".join(f"{workload}=50:scene=white_furnace"
 kSbatch = r"""#!/bin/bash
 set -u
 [[ $1 == --parsable ]] || { echo "sbatch: error: not asked for the number alone" >&2; exit 1; }
+[[ -z ${INTERRUPT:-} ]] || { kill -INT "$PPID"; exit 1; }
 [[ -z ${REFUSE:-} ]] || { echo "sbatch: error: $REFUSE" >&2; exit 1; }
 option() { sed -n "s/^#SBATCH --$1=\"\{0,1\}\([^\"]*\)\"\{0,1\}$/\1/p" "$script"; }
 script=$2
@@ -53,7 +55,8 @@ class Slurm(Case):
     def slurm(self, *arguments, cwd=None, **environment):
         path = f"{self.commands}:{os.environ['PATH']}"
         return subprocess.run([sys.executable, kRoot / "bench/slurm", *arguments], cwd=cwd or self.folder, text=True,
-                              timeout=PATIENCE, capture_output=True, env={**os.environ, "PATH": path, **environment})
+                              timeout=PATIENCE, capture_output=True, env={**os.environ, "PATH": path, **environment},
+                              preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
 
     def submit(self, *arguments, **environment):
         return self.slurm("submit", "--out", "a sweep", "--icbench", ICBENCH, *arguments, **environment)
@@ -105,6 +108,19 @@ class Slurm(Case):
         told = self.submit(*kSweep, BANNER="Queued.\nGood luck")
         self.assert_said(told, 2, "'Queued. Good luck'", "squeue --me")
         self.assert_done(self.slurm("merge", "a sweep"))
+
+    def test_an_interrupted_submission_leaves_nothing_behind(self):
+        told = self.submit(*kSweep, INTERRUPT="1")
+        self.assert_said(told, 130, "interrupted; squeue --me tells")
+        self.assertEqual(told.stderr.count("\n"), 1)
+        self.assert_done(self.submit(*kSweep, TASKS="0"))
+
+    def test_workloads_with_spaces_in_their_names_are_merged(self):
+        self.succeed(*small_capture(out="a b.trace"))
+        self.assert_done(self.submit("--workloads", "trace:file=a b.trace", "--threads", "1", "--caches",
+                                     "sequential,wait_free", "--repetitions", "1"))
+        self.assert_done(self.slurm("merge", "a sweep"))
+        self.assertEqual(len(self.load("a sweep/results.json")["benchmarks"]), 2)
 
     def test_what_was_interrupted_is_resumed_alone(self):
         self.assert_done(self.submit(*kSweep, TASKS="0"))

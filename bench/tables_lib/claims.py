@@ -146,7 +146,7 @@ def _minutes(scenes: dict) -> dict:
         "minutes", "Path tracing takes minutes where TIC is interactive.",
         f"A path-traced frame of {kReferenceSamples:,} samples a pixel takes {kMinutes:g} s or more, and TIC "
         "makes "
-        f"{kInteractive:g} frame a second or more, at the size of this run.", parts,
+        f"{kInteractive:g} frame a second or more, at the size of this run. The path tracer is timed once.", parts,
         "" if all(_path(s, "reference", "spp") == kReferenceSamples for s in scenes.values()) else
         "The references have fewer samples; their time is scaled in proportion.")
 
