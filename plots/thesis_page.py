@@ -188,7 +188,7 @@ def _warnings(measured: Measured) -> list[tuple[bool, str]]:
     if load_ > d["machine"]["units"] + 1.5:
         out.append((
             True,
-            f"The load was {load_:.1f} when the run ended: other programs were running, and times are not "
+            f"The load was {load_:.1f} when the run began: other programs were running, and times are not "
             "to be trusted."))
     return sorted(out, key=lambda warning: not warning[0])
 

@@ -108,6 +108,17 @@ class WholeRun(Case):
         frames = (self.out / "animations" / "cornell_box" / "igi").glob("frame_*.png")
         self.assertEqual(sorted(frame.name for frame in frames), ["frame_0000.png", "frame_0004.png"])
 
+    def test_the_load_is_that_of_others_as_the_run_began(self):
+        for loads, arguments, told in (([9.0, 40.0], (), 9.0), ([0.5, 40.0], ("--resume",), 9.0),
+                                       ([30.0, 40.0], ("--resume",), 30.0)):
+            said = iter(loads)
+            with mock.patch("os.getloadavg", lambda said=said: (next(said, 40.0), 1.0, 1.0)):
+                self.assertEqual(self.start("--scenes", "office", *arguments).returncode, 0)
+            self.assertEqual(self.tables()["machine"]["load_avg"], [told, 1.0, 1.0])
+        subprocess.run([sys.executable, ROOT / "plots" / "thesis_page.py", self.out / "tables.json"],
+                       stdout=subprocess.DEVNULL, timeout=PATIENCE, check=True)
+        self.assertIn("The load was 30.0 when the run began", (self.out / "tables.html").read_text())
+
     def test_what_is_finished_is_not_rendered_again(self):
         run = ("--scenes", "cornell_box,office", "--rounds", "1", "--resume")
         self.assertEqual(self.start(*run).returncode, 0)

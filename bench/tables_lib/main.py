@@ -63,6 +63,7 @@ class Run:
         self.planner = Planner(settings, {name: e["accuracy"] for name, e in self.known.items()})
         self.store = Store(settings.icbench, settings.out / "jobs", settings.references,
                            identity_of_program(settings.icbench), identity_of_machine())
+        self.load = _largest_load(settings.out / "tables.json")
         self.failures: list[dict] = []
         self.broken: set[str] = set()  # identities of jobs that failed or read files of such
         self.done: dict[str, dict] = {}
@@ -264,7 +265,7 @@ class Run:
             "schema": kSchema, "title": "The thesis's tables, made in kind on our own scenes",
             "source": kSource, "complete": complete, "mode": s.mode,
             "command_line": shlex.join(["bench/tables",
-                                        *sys.argv[1:]]), "build": self.store.build, "machine": _machine(),
+                                        *sys.argv[1:]]), "build": self.store.build, "machine": _machine(self.load),
             "settings": {**s.scale.__dict__, "threads": s.threads,
                          "accuracy": s.accuracy or "each scene's own", "igi_every": s.igi_every, "seed": s.seed},
             "methods": method_titles(), "absent": self.absent, "failures": self.failures, "thesis": {
@@ -280,9 +281,18 @@ class Run:
         return path
 
 
-def _machine() -> dict:
+def _largest_load(tables: Path) -> list[float]:
+    """The machine's load now, before this run adds to it, or as a run that this one goes on with began."""
+    now = list(os.getloadavg())
+    try:
+        return max(now, [float(load) for load in json.loads(tables.read_text(encoding="utf-8"))["machine"]["load_avg"]])
+    except (OSError, ValueError, LookupError, TypeError):
+        return now
+
+
+def _machine(load: list[float]) -> dict:
     return {
-        "cpu": cpu_model(), "units": options.units(), "kernel": platform.release(), "load_avg": os.getloadavg(),
+        "cpu": cpu_model(), "units": options.units(), "kernel": platform.release(), "load_avg": load,
         "date": datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
     }
 
