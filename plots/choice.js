@@ -35,7 +35,7 @@
     show() {
       const x = this.value("x"), asked = this.value("cores"), error = this.value("error");
       if (x === null || !(x >= 0) || !(asked >= 1)) {
-        this.place.replaceChildren(make("p", {}, "Say how many rays a record takes, and how many cores there are."));
+        this.place.replaceChildren(make("p", {}, `Say ${this.data.inRays ? "how many rays a record takes" : "what a record costs"}, and how many cores there are.`));
         return;
       }
       const at = this.nearest(x), {threads} = this.data;
@@ -47,6 +47,9 @@
         made.push(make("p", {className: "beyond"},
           `Nothing is known for ${cores(asked)}: the most that there is evidence for is ${threads.at(-1)}, which ` +
           "follows. It is no answer for more."));
+      else if (below === undefined)
+        made.push(this.note(`There is no evidence for ${cores(asked)}: the fewest that there is any for are ` +
+          `${threads[0]}, which follow.`));
       else if (shown.length === 2)
         made.push(this.note(`There is evidence for ${shown.join(" and ")} cores, none for ${asked}: both follow.`));
       const accuracy = this.accuracy(at, error);

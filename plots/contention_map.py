@@ -91,9 +91,8 @@ def build(setup: Setup) -> Built:
         panels.append(Panel(", ".join(words + [placement] * several),
                             partial(_draw, part=part, span=span)))
     few = (table["n"] < kMinRepetitions).sum()
-    foot = ("Pale, the number in grey: undecided, its 95 % interval holds 1." if not few else
-            f"{few} of {len(table)} cells have fewer than {kMinRepetitions} repetitions, so no interval: "
-            "undecided, pale.")
+    foot = "Pale, the number in grey: undecided, its 95 % interval holds 1" + (
+        f", or there is none, of fewer than {kMinRepetitions} repetitions ({few} of {len(table)} cells)." if few else ".")
     foot = " ".join(filter(None, (foot, few_note(table["n"]))))
     high, wide = table["threads"].nunique(), table["record_cost_us"].nunique()
     columns = (3 if wide <= 4 else 2, 1)
@@ -101,8 +100,7 @@ def build(setup: Setup) -> Built:
     title = f"speed of wait-free over the best locked cache (colours end at {style.number(span, 2)}×)"
     plate = Plate("map", title, panels, lambda layout: _handles(), "cost of a record, µs", "threads", foot,
                   columns, heights, (0.34, 0.24))
-    notes = [f"{few} cells have fewer than {kMinRepetitions} repetitions and so no interval"] if few else []
-    return Built(table, [plate], notes)
+    return Built(table, [plate])
 
 
 def _handles() -> list:

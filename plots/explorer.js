@@ -124,9 +124,9 @@
     }
 
     point(panel, cache, threads, x) {
-      const cell = this.index.get(this.key(panel, cache, threads)), {m, l, h} = this.metric;
+      const cell = this.index.get(this.key(panel, cache, threads)), {m, l, h, n} = this.metric;
       if (cell === undefined || m[cell] === null || (this.metric.log && m[cell] <= 0)) return null;
-      return {x, y: m[cell], low: l[cell], high: h[cell], n: this.data.cells.n[cell]};
+      return {x, y: m[cell], low: l[cell], high: h[cell], n: n[cell]};
     }
 
     // The lines of one workload: [cache, points].

@@ -97,7 +97,7 @@ def collected(setup: Setup) -> dict:
     panels = [p for w in order for p in sorted(pairs.loc[pairs["workload"] == w, "panel"])]
     caches = style.cache_order(rows["cache"])
     about = rows.drop_duplicates("cache").set_index("cache")
-    cells = rows.groupby(kKeys, sort=True).size().reset_index(name="n")
+    cells = rows[kKeys].drop_duplicates().sort_values(kKeys, ignore_index=True)
     metrics = []
     for field, words, unit, factor, logarithmic, better in kMetrics:
         if field not in rows or not (rows[field].notna() & (rows[field] != 0)).any():
@@ -105,7 +105,7 @@ def collected(setup: Setup) -> dict:
         found = cells[kKeys].merge(summarise(rows, kKeys, field), on=kKeys, how="left")
         columns = [[interactive.short(v * factor) for v in found[name]] for name in ("median", "low", "high")]
         metrics.append({"words": words, "unit": unit, "log": logarithmic, "more": better, "m": columns[0],
-                        "l": columns[1], "h": columns[2]})
+                        "l": columns[1], "h": columns[2], "n": [int(n) for n in found["n"].fillna(0)]})
     number = {name: {value: i for i, value in enumerate(values)} for name, values in
               (("panel", panels), ("cache", caches))}
     groups = groups_of(setup, rows)
@@ -119,7 +119,7 @@ def collected(setup: Setup) -> dict:
                                                                                        "panel"])][:kShownAtFirst]},
             "cells": {"p": [number["panel"][p] for p in cells["panel"]],
                       "c": [number["cache"][c] for c in cells["cache"]],
-                      "t": [int(t) for t in cells["threads"]], "n": [int(n) for n in cells["n"]]},
+                      "t": [int(t) for t in cells["threads"]]},
             "metrics": metrics}
 
 

@@ -19,7 +19,7 @@ kKeys = ["workload", "cache", "threads", "hold_ms", "held"]
 def _read(path: Path) -> tuple[dict, pd.DataFrame]:
     context, rows = read_rows(path, "icbench preempt", kFiles, ("workload", "cache", "threads", "hold_ms", "held",
                                                               "stalled_share"))
-    for name in [c for c in rows if re.match(r"latency_|stalled_|hold|threads|others_", c) and c != "held"]:
+    for name in [c for c in rows if re.match(r"latency_|stalled_|hold|threads|others_", c)]:
         rows[name] = pd.to_numeric(rows[name], errors="coerce")
     rows = rows[rows["stalled_share"].notna() & (rows["threads"] > 1)]
     if rows.empty:

@@ -80,7 +80,8 @@
         const also = tied.map((p) => `${methods[p[kMethod]]} (${p[kSetting]})`).join(", ");
         return make("tr", {}, key, make("td", {}, ...name(best)),
           make("td", {className: "n"}, interval(value, from, to) + (own ? " *" : "")),
-          make("td", {className: late ? "n open" : "n"}, interval(best[kSeconds], best[kLow], best[kHigh])),
+          make("td", {className: late ? "n open" : "n"}, interval(best[kSeconds], best[kLow], best[kHigh]),
+            ...(late ? [make("span", {className: "under"}, "may take longer")] : [])),
           make("td", {}, also || (to === null ? "not known: one run" : "none")));
       });
       const notes = [];

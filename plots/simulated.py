@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """What icbench simulate says of cores that are not there. Never drawn beside what was measured."""
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -43,7 +43,6 @@ class Simulated:
     path: Path
     context: dict
     rows: pd.DataFrame
-    remarks: list[str] = field(default_factory=list)
 
     @property
     def calibration(self) -> dict:
@@ -130,7 +129,7 @@ def build(simulated: Simulated) -> Built:
         raise Omitted("no row has a rate")
     table = rows[["workload", "cache", "threads", "throughput", "speedup", "redundant_share", "waiting_share",
                   "validated_to_threads"]].assign(simulated=True)
-    return Built(table, plates, simulated.remarks)
+    return Built(table, plates)
 
 
 FIGURE = Figure(

@@ -46,10 +46,10 @@ def points(setup: Setup) -> pd.DataFrame:
     return table
 
 
-def front(table: pd.DataFrame) -> pd.DataFrame:
+def front(table: pd.DataFrame, error: str = "relmse") -> pd.DataFrame:
     """The points that no other point beats in both time and error, by rising time."""
-    ordered = table.sort_values(["seconds", "relmse"])
-    return ordered[ordered["relmse"] < ordered["relmse"].cummin().shift(fill_value=np.inf)]
+    ordered = table.sort_values(["seconds", error])
+    return ordered[ordered[error] < ordered[error].cummin().shift(fill_value=np.inf)]
 
 
 def build(setup: Setup) -> Built:

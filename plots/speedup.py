@@ -59,7 +59,8 @@ def build(setup: Setup) -> Built:
         extra=lambda axes: axes.axhline(1, color="#555555", linewidth=0.6, zorder=1.5),
         footnote="Ratios are paired by repetition.")
     if left_out:
-        notes.append(f"{left_out} workloads were measured at one thread count only and have no speed-up")
+        notes.append(f"{style.plural(left_out, 'workload')} of a structure without repetitions at two thread counts that "
+                     "could be paired: no speed-up")
     return Built(table, plates, notes)
 
 

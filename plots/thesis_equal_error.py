@@ -9,14 +9,10 @@ import style  # first: it checks what is installed
 import pandas as pd
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
+from speed_error import front
 from thesis_results import kFiles, Measured, load, method_handles, method_line
 
 kShown = ("igi", "interleaved", "ic", "tic", "cells")
-
-
-def _front(line: pd.DataFrame) -> pd.DataFrame:
-    ordered = line.sort_values(["seconds", "rmse"])
-    return ordered[ordered["rmse"] < ordered["rmse"].cummin().shift(fill_value=float("inf"))]
 
 
 def _draw(measured: Measured, part: pd.DataFrame, target, axes, layout) -> None:
@@ -25,7 +21,7 @@ def _draw(measured: Measured, part: pd.DataFrame, target, axes, layout) -> None:
         options = method_line(measured, method, layout)
         axes.plot(line["seconds"], line["rmse"],
                   **options | {"linestyle": "none", "alpha": 0.35, "markersize": layout.marker * 0.8})
-        best = _front(line)
+        best = front(line, "rmse")
         axes.plot(best["seconds"], best["rmse"], zorder=3, **options)
     if target:
         axes.axhline(target["rmse"], color=style.kBlue, linewidth=layout.line * 0.7, linestyle=style.kDotted,

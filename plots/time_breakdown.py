@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from figure import Built, Figure, Omitted, Panel, Plate, main
 from intervals import summarise
-from over_threads import cache_rows, groups_of, panels_of
+from over_threads import cache_rows, groups_of, kGroupKeys, panels_of
 from results import Setup
 
 # Field without time_ and _share: name, colour, hatch; in the order of the stack.
@@ -31,7 +31,6 @@ kParts = {
 kPanels = 4   # workloads drawn
 kCounts = 4   # thread counts drawn
 kUnexplained = 0.03
-kKeys = ["structure", "mechanism", "cache", "workload", "workload_kind", "scene", "panel", "threads"]
 
 
 def field(part: str) -> str:
@@ -95,7 +94,7 @@ def build(setup: Setup) -> Built:
     if "time_unexplained" not in rows or not present or rows["time_unexplained"].isna().all():
         raise Omitted("no row tells where the time went (icbench sweep --breakdown)")
     rows = rows[pd.to_numeric(rows["time_unexplained"], errors="coerce").notna()]
-    keys = [*kKeys]
+    keys = [*kGroupKeys]
     tables = []
     for name in [*present, None]:
         value = field(name) if name else "time_unexplained"
