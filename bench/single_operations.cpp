@@ -5,7 +5,6 @@
 // Run with --benchmark_filter=wait_free, --benchmark_format=json and the like.
 #include <benchmark/benchmark.h>
 
-
 #include "caches/registry.h"
 #include "core/random.h"
 #include "scene/registry.h"

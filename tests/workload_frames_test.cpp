@@ -56,8 +56,8 @@ TEST(Frames, ProgressIsToldAsTilesAreSeen) {
   EXPECT_EQ(std::accumulate(told.begin(), told.end(), 0.0), tiles);
 }
 
-// Guards against: records that are made before or after the tiles, in waves or for an overture, of which nothing is told,
-// or the tiles' work once more.
+// Guards against: records that are made before or after the tiles, in waves or for an overture, of which nothing is
+// told, or the tiles' work once more.
 TEST(Frames, ProgressIsToldOfAllWorkOnce) {
   Scene s;
   const auto white = s.add_material({.albedo = glm::vec3(0.7f)});

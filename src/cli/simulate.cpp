@@ -86,8 +86,9 @@ SimulationRequest request_of(const SimulateOptions& o, const Topology& topology)
   if (!o.transfers.empty()) {
     r.transfers = Transfers{parse_times<3>("--transfer", o.transfers)};
     if (!std::ranges::is_sorted(r.transfers->ns)) {
-      throw std::runtime_error(fmt::format(
-          "--transfer '{}' falls: a cache line takes no less time to a core that is farther away", o.transfers));
+      throw std::runtime_error(
+          fmt::format("--transfer '{}' falls: a cache line takes no less time to a core that is farther away",
+                      o.transfers));
     }
   }
   if (!o.hand_over.empty()) {

@@ -1,6 +1,5 @@
 #include "render/instant_caching.h"
 
-
 #include "render/instant_gi.h"
 #include "render/integrators.h"
 

@@ -233,7 +233,7 @@ class Waves {
   Crew& crew_;
   std::function<void(double)> did_;
   double work_of_a_miss_ = 0.0;  // of those of a wave, in the sample's
-  std::vector<Tile> tiles_;  // of images of this size:
+  std::vector<Tile> tiles_;      // of images of this size:
   int width_ = 0, height_ = 0;
   std::vector<Worker> workers_;
   std::vector<Miss> misses_;          // in order of block and rank

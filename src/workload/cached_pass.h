@@ -26,7 +26,7 @@ struct CachedPassSetup {
   std::uint64_t seed = 0;           ///< of which operations are timed
   /// Of the pictures, if they are to be made in waves (render/waves.h).
   const RayTracer* deterministic = nullptr;
-  bool overture = false;                ///< of a sample of the pixels first all records, then the picture
+  bool overture = false;  ///< of a sample of the pixels first all records, then the picture
   /// Told by any thread what share of a sample was done before tiles are asked for it or after: all of it in waves, the
   /// share kOvertureWork where all records are made first.
   std::function<void(double)> did{};
