@@ -56,7 +56,6 @@ from figures import (ANATOMY_FIGURES, BREAKDOWN_FIGURES, CHANGE_FIGURES, COMPARI
 from files import write_whole
 from findings import Finding, findings
 from inline import data_uri, drawing, image
-from intervals import summarise
 from over_threads import cache_rows
 from results import InputError, Setup, load
 from tables import note_line, text
@@ -96,7 +95,7 @@ def _summary(setup: Setup) -> str:
     """What was measured, on what, and the findings: one screen."""
     rows, context = setup.rows, setup.context
     cached = cache_rows(setup)
-    repetitions = summarise(rows, ["panel", "cache", "threads"], "seconds")["n"]
+    repetitions = rows.groupby(["panel", "cache", "threads"]).size()
     span = " to ".join(str(n) for n in sorted({repetitions.min(), repetitions.max()}))
     kinds = ", ".join(dict.fromkeys(k.replace("_", " ") for k in rows["workload_kind"] if k))
     what = "; ".join((
