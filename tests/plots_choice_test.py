@@ -206,6 +206,13 @@ class Choice(InFolder):
         found = choice.answer(choice.choice(setup), dict(zip(setup.rows["cache"], setup.rows["mechanism"])), 1, 8, None)
         self.assertEqual(found.tied, found.lines[1:])
 
+    def test_the_fastest_is_so_by_the_ratios_that_are_shown(self):
+        # By medians 2 and 2.1 seconds, by pairs 0.95 of the time of the other in most repetitions.
+        times = pd.DataFrame({"a": [1.0, 2.0, 10.0], "b": [0.95, 2.1, 9.5], "c": [3.0, 6.0, 40.0]})
+        self.assertEqual(choice._by_pairs(times), ["b", "a", "c"])
+        circle = pd.DataFrame({"a": [1.0, 2.0, 3.0], "b": [2.0, 3.0, 1.0], "c": [3.0, 1.0, 2.0]})
+        self.assertEqual(choice._by_pairs(circle), ["a", "b", "c"])
+
     def test_too_few_repetitions_decide_nothing(self):
         made, mechanisms, _ = self.chosen(repetitions=2)
         found = choice.answer(made, mechanisms, 0, 8, None)
