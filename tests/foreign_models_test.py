@@ -20,7 +20,7 @@ from cli_support import ICBENCH, PATIENCE, SANITIZED, Case
 MODELS = Path(os.environ.get("ICBENCH_MODELS", "/usr/share/assimp/models"))
 # What models name, or what explains them.
 NO_MODELS = {".bin", ".bmp", ".frag", ".glsl", ".jpg", ".md", ".mtl", ".png", ".tga", ".txt", ".uc", ".vert"}
-KNOWN, KNOWN_REFUSED = 442, 178  # of version 5.2.5
+KNOWN, KNOWN_REFUSED = 442, 125  # of version 5.2.5
 
 
 def models():

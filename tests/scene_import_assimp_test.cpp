@@ -68,6 +68,57 @@ TEST(ImportAssimp, TexturesAreTransformedAsTheFileSays) {
   }
 }
 
+TEST(ImportAssimp, TexturesThatAreNotToBeHadLeaveTheColour) {
+  const TemporaryFolder folder;
+  write(folder / "paint.tga", std::string(18, '\0'));
+  std::filesystem::create_directory(folder / "folder");
+  const auto read = [&](const std::string& colour, const std::string& image) {
+    write(folder / "square.mtl", "newmtl paint\nKd " + colour + "\nmap_Kd " + image + "\n");
+    write(folder / "square.obj",
+          "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl "
+          "paint\n"
+          "f 1/1 2/2 3/3 4/4\n");
+    return import_scene(folder / "square.obj");
+  };
+  for (const auto& [image, why] :
+       {std::pair("gone.png", "not there, 'gone.png'; colours"),
+        std::pair("folder", "not there, 'folder'; colours"),
+        std::pair("paint.tga", "neither PNG nor JPEG images, 'paint.tga'; colours")}) {
+    const ImportedScene red = read("1 0 0", image), black = read("0 0 0", image);
+    EXPECT_TRUE(has_note(red, why)) << image;
+    expect_near(albedo_at(red.scene, 0.25f, 0.75f), {1, 0, 0}, 1e-5f);
+    expect_near(albedo_at(black.scene, 0.25f, 0.75f), glm::vec3(0.8f), 1e-5f);
+  }
+  write(folder / "square.mtl", "newmtl a\nmap_Kd a.png\nnewmtl b\nmap_Kd b.png\nnewmtl c\nmap_Kd a.png\n");
+  write(folder / "square.obj",
+        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\nusemtl c\nf 1 2 "
+        "3\n");
+  EXPECT_TRUE(has_note(import_scene(folder / "square.obj"), "and 1 more; colours"));
+  write(folder / "paint.png", quarters_png().substr(0, 40));
+  EXPECT_ANY_THROW(read("1 0 0", "paint.png"));
+}
+
+// glTF 1.0, of which our own reader knows nothing, by text; and by how it begins where a file has no extension.
+TEST(ImportAssimp, WhatAssimpReadsBesidesIsKnownByItsContents) {
+  const TemporaryFolder folder;
+  const std::string doc = R"({"asset": {"version": VERSION}, "scene": "s", "scenes": {"s": {"nodes": ["n"]}},
+    "nodes": {"n": {"meshes": ["m"]}}, "meshes": {"m": {"primitives": [{"attributes": {"POSITION": "a"}}]}},
+    "accessors": {"a": {"bufferView": "v", "byteOffset": 0, "componentType": 5126, "count": 3, "type": "VEC3"}},
+    "bufferViews": {"v": {"buffer": "b", "byteOffset": 0, "byteLength": 36, "target": 34962}},
+    "buffers": {"b": {"byteLength": 36, "type": "arraybuffer", "uri": "b.bin"}}})";
+  const float triangle[9] = {0, 0, 0, 1, 0, 0, 1, 1, 0};
+  write(folder / "b.bin", std::string(reinterpret_cast<const char*>(triangle), sizeof triangle));
+  for (const std::string version : {"\"1.0\"", "1"}) {
+    std::string text = doc;
+    write(folder / "old.gltf", text.replace(text.find("VERSION"), 7, version));
+    EXPECT_EQ(import_scene(folder / "old.gltf").scene.meshes.at(0).triangles.size(), 1u) << version;
+  }
+  write(folder / "solid",
+        "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\n"
+        "endfacet\nendsolid s\n");
+  EXPECT_EQ(import_scene(folder / "solid").scene.meshes.size(), 1u);
+}
+
 // A square that shows its texture twice from left to right, in 3D Studio's way: around its centre. Its z is up.
 constexpr const char* kTiledSquare = R"(*3DSMAX_ASCIIEXPORT 200
 *MATERIAL_LIST { *MATERIAL_COUNT 1 *MATERIAL 0 { *MATERIAL_NAME "m" *MATERIAL_DIFFUSE 1 1 1

@@ -52,8 +52,8 @@ TEST(ImportBadGltf, TheElementIsNamed) {
   const TemporaryFolder folder;
   const std::pair<std::function<void(json&)>, const char*> cases[] = {
       {[](json& d) { d.erase("asset"); }, "has no 'asset'"},
-      {[](json& d) { d["asset"]["version"] = "3.0"; }, "asset.version is '3.0'"},
-      {[](json& d) { d["asset"]["version"] = "1.0"; }, "asset.version is '1.0'; 2.0 is read"},
+      {[](json& d) { d["asset"]["version"] = "3.0"; }, "asset.version is '3.0'; 1.0 and 2.0 are read"},
+      {[](json& d) { d["asset"]["version"] = 2; }, "asset.version must be a string"},
       {[](json& d) { d["accessors"][0]["count"] = 4000000000u; }, "accessors[0] claims 4000000000 elements"},
       {[](json& d) { d["accessors"][0]["count"] = -1; }, "accessors[0].count is -1"},
       {[](json& d) { d["accessors"][0]["count"] = 1e300; }, "accessors[0].count is 1e+300"},
@@ -272,6 +272,9 @@ void for_cuts(const std::string& good, std::size_t count, const std::function<vo
 TEST(ImportFuzz, TruncatedFiles) {
   const TemporaryFolder folder;
   const std::string text = spinning_cube().text(), binary = spinning_cube().glb();
+  std::string old = binary;
+  old[4] = 1;
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "old.glb", old), "is binary glTF 1"));
   for_cuts(text, 400, [&](const std::string& s) {
     EXPECT_TRUE(is_one_line_with(complaint(folder / "cut.gltf", s), "cut.gltf"));
   });

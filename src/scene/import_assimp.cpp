@@ -12,6 +12,7 @@
 #include <cmath>
 #include <map>
 #include <new>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string_view>
@@ -34,6 +35,7 @@ constexpr unsigned kSeconds = 2;  // of processor time, and one more for each
 constexpr std::size_t kBytesPerSecond = 50'000;
 // Below this many radians a camera's angle is one that assimp failed to read.
 constexpr double kLeastAngle = 0.02;
+constexpr glm::vec3 kGrey(0.8f);  // where a file says no colour
 
 glm::dvec3 vec(const aiVector3D& v) { return {v.x, v.y, v.z}; }
 
@@ -57,10 +59,12 @@ class AssimpReader {
 
   Model read() {
     for (unsigned m = 0; m < from_.mNumMaterials; ++m) read_material(*from_.mMaterials[m]);
-    if (model_.materials.empty()) model_.materials.push_back({.material = {.albedo = glm::vec3(0.8f)}});
+    if (model_.materials.empty()) model_.materials.push_back({.material = {.albedo = kGrey}});
     for (unsigned m = 0; m < from_.mNumMeshes; ++m) read_mesh(m, *from_.mMeshes[m]);
     read_nodes();
     for (unsigned a = 0; a < from_.mNumAnimations; ++a) read_animation(*from_.mAnimations[a]);
+    note_without(absent_, "not there");
+    note_without(foreign_, "neither PNG nor JPEG images");
     if (from_.mNumAnimations > 1)
       model_.notes.add(fmt::format("has {} animations; they are played at once", from_.mNumAnimations));
     if (from_.mNumCameras > 1)
@@ -76,7 +80,7 @@ class AssimpReader {
   void read_material(const aiMaterial& material) {
     Surfacing to;
     Material& m = to.material;
-    aiColor3D diffuse(0.8f, 0.8f, 0.8f), emitted(0.0f, 0.0f, 0.0f);
+    aiColor3D diffuse(kGrey.x, kGrey.y, kGrey.z), emitted(0.0f, 0.0f, 0.0f);
     if (material.Get(AI_MATKEY_BASE_COLOR, diffuse) != AI_SUCCESS)
       material.Get(AI_MATKEY_COLOR_DIFFUSE, diffuse);
     material.Get(AI_MATKEY_COLOR_EMISSIVE, emitted);
@@ -112,6 +116,12 @@ class AssimpReader {
     model_.materials.push_back(to);
   }
 
+  // Textures that a file names and that are not to be had.
+  struct Without {
+    std::string first;
+    std::size_t count = 0;
+  };
+
   // What makes of a mesh's texture coordinates those of its material's texture.
   struct Painting {
     unsigned set = 0;
@@ -138,10 +148,11 @@ class AssimpReader {
           path.length == 0)
         continue;
       m.texture = texture(path.C_Str());
+      // A texture stands for the colour where formats give both.
+      if (m.albedo == glm::vec3(0.0f)) m.albedo = m.texture != kNoTexture ? glm::vec3(1.0f) : kGrey;
+      if (m.texture == kNoTexture) break;
       if (ways[0] != aiTextureMapMode_Wrap || ways[1] != aiTextureMapMode_Wrap)
         model_.notes.drop("wrap modes (textures repeat)");
-      // A texture stands for the colour where formats give both.
-      if (m.albedo == glm::vec3(0.0f)) m.albedo = glm::vec3(1.0f);
       // assimp numbers the sets of Collada as the file does, but keeps them without gaps.
       return {is_of("Collada") ? 0 : set, uv_transform(material, type)};
     }
@@ -165,12 +176,15 @@ class AssimpReader {
     return shift(t.mTranslation.x, t.mTranslation.y) * turn * shift(-0.5, -0.5) * scale;
   }
 
+  // kNoTexture where a model that has come around names an image that is not there, or not of a format that is read.
   std::uint32_t texture(const std::string& path) {
-    const auto [known, first] =
-        textures_.try_emplace(path, static_cast<std::uint32_t>(model_.textures.size()));
+    const auto [known, first] = textures_.try_emplace(path, kNoTexture);
     if (!first) return known->second;
     try {
-      model_.textures.push_back(load(path));
+      std::optional<Texture> loaded = load(path);
+      if (!loaded) return kNoTexture;
+      known->second = static_cast<std::uint32_t>(model_.textures.size());
+      model_.textures.push_back(std::move(*loaded));
       texels_ += model_.textures.back().texels.size() / 3;
       if (texels_ > kMaxTexels)
         throw std::runtime_error(fmt::format("is one too many: all have more than {} texels", kMaxTexels));
@@ -180,7 +194,7 @@ class AssimpReader {
     return known->second;
   }
 
-  Texture load(const std::string& path) const {
+  std::optional<Texture> load(const std::string& path) {
     const aiTexture* embedded = from_.GetEmbeddedTexture(path.c_str());
     if (!embedded) {
       std::string name = path;
@@ -188,10 +202,13 @@ class AssimpReader {
       const std::filesystem::path given = folder_ / name,
                                   beside = folder_ / std::filesystem::path(name).filename();
       std::error_code ignored;
-      return decode_texture(load_file(std::filesystem::exists(given, ignored) ? given : beside), path);
+      for (const std::filesystem::path& file : {given, beside})
+        if (std::filesystem::exists(file, ignored) && !std::filesystem::is_directory(file, ignored))
+          return decoded(load_file(file), path);
+      return without(absent_, path);
     }
     if (embedded->mHeight == 0)
-      return decode_texture({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth}, path);
+      return decoded({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth}, path);
     const std::size_t count = std::size_t{embedded->mWidth} * embedded->mHeight;
     Texture to{path, static_cast<int>(embedded->mWidth), static_cast<int>(embedded->mHeight), {}};
     for (std::size_t i = 0; i < count; ++i) {
@@ -199,6 +216,23 @@ class AssimpReader {
       to.texels.insert(to.texels.end(), {t.r, t.g, t.b});
     }
     return to;
+  }
+
+  std::optional<Texture> decoded(std::string_view bytes, const std::string& path) {
+    if (!is_texture(bytes)) return without(foreign_, path);
+    return decode_texture(bytes, path);
+  }
+
+  static std::nullopt_t without(Without& some, const std::string& path) {
+    if (some.count++ == 0) some.first = short_name(path);
+    return std::nullopt;
+  }
+
+  void note_without(const Without& some, std::string_view which) {
+    if (some.count == 0) return;
+    const std::string others = some.count > 1 ? fmt::format(" and {} more", some.count - 1) : "";
+    model_.notes.add(
+        fmt::format("has textures that are {}, '{}'{}; colours stand for them", which, some.first, others));
   }
 
   void read_mesh(unsigned index, const aiMesh& mesh) {
@@ -358,8 +392,9 @@ class AssimpReader {
   std::string format_;  // assimp's name for what reads it
   Model model_;
   std::map<std::string, std::uint32_t> textures_;  // by path
-  std::vector<Painting> paintings_;                // by material
-  std::map<std::string, std::uint32_t> node_of_;   // by name
+  Without absent_, foreign_;
+  std::vector<Painting> paintings_;               // by material
+  std::map<std::string, std::uint32_t> node_of_;  // by name
   std::size_t texels_ = 0;
 };
 
@@ -368,7 +403,8 @@ class AssimpReader {
 Model read_with_assimp(const std::filesystem::path& file) {
   Assimp::Importer importer;
   const std::string extension = file.extension().string();
-  if (extension.empty() || !importer.IsExtensionSupported(extension))
+  // Without an extension assimp looks at how the file begins.
+  if (!extension.empty() && !importer.IsExtensionSupported(extension))
     throw std::runtime_error(
         fmt::format("{}: no scene format is known by the extension '{}'; convert the scene to glTF",
                     file.string(), extension));
@@ -380,6 +416,8 @@ Model read_with_assimp(const std::filesystem::path& file) {
     if (importer.ReadFile(file.string(), kSteps)) return {};
     const std::string said = importer.GetErrorString();
     if (said == std::bad_alloc().what()) return kTooMuchMemory;
+    if (said.starts_with("No suitable reader"))
+      return "is of no scene format that is known; convert the scene to glTF";
     return said.empty() ? "cannot be read" : said;
   };
   std::string trouble = try_apart(read, std::max<std::size_t>(kMemory, kMemoryPerByte * size),

@@ -51,6 +51,9 @@ std::uint32_t little_endian(std::string_view bytes, std::size_t at) {
 Chunks chunks_of(std::string_view bytes) {
   if (!bytes.starts_with("glTF")) return {bytes, {}};
   if (bytes.size() < 20) throw std::runtime_error("the header ends too early");
+  if (const std::uint32_t version = little_endian(bytes, 4); version != 2)
+    throw std::runtime_error(
+        fmt::format("is binary glTF {}; of binary files 2 is read, convert it", version));
   Chunks chunks;
   std::size_t at = 12;
   // Chunks begin within the length that the header states; other bytes may follow them.
@@ -385,12 +388,15 @@ Model read_gltf(const std::filesystem::path& file, const std::string& bytes) {
     const nlohmann::json json = parse_json(chunks.json);
     const Element document(json, "");
     const Element version = document.at("asset").at("version");
-    if (!version.text().starts_with("2."))
-      version.fail(fmt::format("is '{}'; 2.0 is read, convert the file to it", version.text()));
-    return GltfReader(document, chunks.binary, file).read();
+    const bool is_old =
+        json["asset"]["version"] == 1 || version.text().starts_with("1.");  // a number, in some
+    if (!is_old && !version.text().starts_with("2."))
+      version.fail(fmt::format("is '{}'; 1.0 and 2.0 are read, convert the file to 2.0", version.text()));
+    if (!is_old) return GltfReader(document, chunks.binary, file).read();
   } catch (const std::runtime_error& error) {
     throw std::runtime_error(fmt::format("{}: {}", file.string(), error.what()));
   }
+  return read_with_assimp(file);
 }
 
 }  // namespace icbench::importing

@@ -69,6 +69,10 @@ void decode_jpeg_into(Texture& texture, std::string_view bytes) {
 
 }  // namespace
 
+bool is_texture(std::string_view bytes) noexcept {
+  return bytes.starts_with(kPng) || bytes.starts_with(kJpeg);
+}
+
 Texture decode_texture(std::string_view bytes, std::string name) {
   Texture texture;
   texture.name = std::move(name);

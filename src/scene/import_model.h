@@ -113,6 +113,9 @@ ImportedScene assemble(Model model);
 /// caller adds the place; nothing beyond kMaxTexels, or beyond what the bytes can hold, is allocated.
 Texture decode_texture(std::string_view bytes, std::string name);
 
+/// Whether an image is of a format that `decode_texture` reads, by how it begins.
+bool is_texture(std::string_view bytes) noexcept;
+
 /// Mean linear colour of a texture.
 glm::vec3 mean_colour(const Texture& texture);
 

@@ -1,4 +1,5 @@
-// Scenes from files: glTF 2.0 (.gltf, .glb), Radiance (.rad) and every other format that assimp reads.
+// Scenes from files: glTF 2.0 (.gltf, .glb), Radiance (.rad) and every other format that assimp reads, glTF 1.0 (.gltf)
+// among them; a file without an extension is read by how it begins.
 //
 // What becomes of a file
 // - Materials: diffuse, mirror or dielectric, whichever is nearest; base-colour textures (PNG, JPEG). glTF: KHR
@@ -9,6 +10,8 @@
 //   light, glow, illum and spotlight emit. Glass without thickness gets a second sheet behind the first, so that rays
 //   leave it in the direction in which they came; each tints by the root of the base colour (what assimp reads has
 //   one sheet, which tints by all of it).
+//   What assimp reads may name images that are not there, or neither PNG nor JPEG: a note tells, and the colour of the
+//   material stands for them. glTF 2.0 with such a one is refused, and any file with a damaged one.
 // - Light: emissive surfaces emit from the front, by the mean of an emissive texture. Photometric figures are
 //   taken as radiometric ones of the same number (1 cd as 1 W/sr, 1 cd/m^2 as 1 W/(m^2 sr)). A directional
 //   light becomes a point light kSunDistance scene radii away that gives the same irradiance at the centre, and shines
