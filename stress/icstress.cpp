@@ -1,12 +1,15 @@
 // The `icstress` program: runs caches under stress and under every schedule of small programs, judges what was seen,
 // and proves by controls that it was strong enough to see anything.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <system_error>
 
 #include "cli/options.h"
 #include "core/names.h"
@@ -43,10 +46,12 @@ struct Options {
   std::string json;
 };
 
-/// A run's parts, one after the other; `report` takes what they find.
+/// A run's parts, one after the other; `report` takes what they find. What is there so far stands, where a file was asked
+/// for, in FILE.partial, lest an interrupted run of hours leave nothing.
 class Run {
  public:
   explicit Run(const Options& options) : options_(options), report_(options.campaign.seed) {
+    if (!options.json.empty() && !is_written_in_place(options.json)) partial_ = options.json + ".partial";
     std::vector<std::string_view> known;
     for (const Subject& subject : all_subjects()) known.push_back(subject.traits.name);
     caches_ = select("cache", "--caches", options.caches, known);
@@ -61,7 +66,20 @@ class Run {
     return report_;
   }
 
+  /// The file that was asked for is there: the other one goes.
+  void forget_partial() const {
+    std::error_code ignored;
+    if (!partial_.empty()) std::filesystem::remove(partial_, ignored);
+  }
+
  private:
+  void keep() const {
+    if (partial_.empty()) return;
+    auto json = report_.to_json();
+    json["not_examined"].push_back("Whatever comes after this: the run had not ended when it was written.");
+    write_json(partial_, json);
+  }
+
   void run_histories() {
     Progress progress("stress", static_cast<double>(options_.campaign.operations * caches_.size()));
     for (const Subject& subject : all_subjects()) {
@@ -70,10 +88,12 @@ class Run {
         progress.advance(operations, subject.traits.name);
       });
       report_.add(subject, totals, checks_);
+      keep();
     }
     progress.finish();
     for (const Control& control : all_controls())
       report_.add(control, run_control(control, options_.campaign));
+    keep();
   }
 
   void run_schedules() {
@@ -90,6 +110,7 @@ class Run {
     for (const auto& control : explore::explore_controls(options, advance)) report_.add(control);
     report_.exempt(explore::exempt_caches(options));
     progress.finish();
+    keep();
   }
 
   void run_progress() {
@@ -114,6 +135,12 @@ class Run {
     left_out(
         "Histories on other processors than this one: an order that only weaker memory allows shows itself "
         "in explored schedules alone.");
+    if (const std::size_t others = all_subjects().size() - caches_.size(); others > 0)
+      left_out(fmt::format("{} other caches.", others));
+    std::vector<std::string_view> unchecked;
+    for (const std::string_view check : kCheckNames)
+      if (std::find(checks_.begin(), checks_.end(), check) == checks_.end()) unchecked.push_back(check);
+    if (!unchecked.empty()) left_out(fmt::format("Histories for {}.", fmt::join(unchecked, ", ")));
     if (options_.extent == explore::Extent::off) left_out("Schedules: they were switched off.");
     if (options_.preemptions)
       left_out(fmt::format("Schedules of more than {} preemptions.", *options_.preemptions));
@@ -140,6 +167,7 @@ class Run {
   const Options& options_;
   std::vector<std::string> caches_;
   std::vector<std::string> checks_;
+  std::string partial_;        // empty: none
   std::size_t cut_short_ = 0;  // explorations
   Report report_;
 };
@@ -195,7 +223,7 @@ int run_program(int argc, char** argv) {
       ->type_name("LIST")
       ->capture_default_str();
   app.add_option("--check", options.checks,
-                 "all, or of integrity,regular,per_record_linearizable,linearizable,frame")
+                 "of histories: all, or of integrity,regular,per_record_linearizable,linearizable,frame")
       ->type_name("LIST")
       ->capture_default_str();
   add_whole(&app, "--threads", options.campaign.threads, 2u, kMaxThreads,
@@ -215,13 +243,15 @@ int run_program(int argc, char** argv) {
       app.add_option("--json", options.json, "file for the verdicts")->type_name("FILE");
   app.footer(
       "Exit status: 0 all promises held, and all controls that had to be were seen failing; 1 not so,\n"
-      "or the schedule of --replay breaks a promise; 2 bad usage (one line on standard error).");
+      "or the schedule of --replay breaks a promise; 2 bad usage (one line on standard error).\n"
+      "While it runs, verdicts of what has ended stand in FILE.partial of --json FILE.");
   app.allow_extras();
   try {
     app.parse(argc, argv);
     if (const auto extras = app.remaining(); !extras.empty()) return fail(unexpected(app, extras.front()));
     if (replay->count() > 0) {
-      for (const char* option : {"--caches", "--check", "--json"})
+      for (const char* option : {"--caches", "--check", "--threads", "--operations", "--seed", "--explore",
+                                 "--preemptions", "--progress", "--json"})
         if (app.count(option) > 0) tell_without_effect("icstress", option, "with --replay");
       return print_replay(options.replay);
     }
@@ -236,6 +266,7 @@ int run_program(int argc, char** argv) {
     const Report& report = run.run();
     const bool passed = report.print(tables_stream(options.json));
     if (json->count() > 0) write_json(options.json, report.to_json());
+    run.forget_partial();
     return finish(passed);
   } catch (const CLI::Success& e) {
     return status_of_output("icstress", app.exit(e));

@@ -189,7 +189,7 @@ class Round {
         logs_(plan.threads),
         barrier_(static_cast<std::ptrdiff_t>(plan.threads) + 1) {
     for (ThreadLog& log : logs_) log.reserve(sizes_.thread_operations, sizes_.most_seen);
-    quiescent_log_.reserve(plan.shape->places, sizes_.most_seen);
+    quiescent_log_.reserve(1, sizes_.most_seen);
     for (std::uint32_t t = 0; t < plan.threads; ++t) sessions_.push_back(cache_.open_session(t));
   }
 
@@ -348,10 +348,11 @@ class Round {
   Epoch& query_at_rest() {
     Epoch rest;
     rest.first = static_cast<std::uint32_t>(history_.operations.size());
-    quiescent_log_.restart();
-    for (std::uint32_t place = 0; place < plan_.shape->places && quiescent_log_.has_room(); ++place)
+    for (std::uint32_t place = 0; place < plan_.shape->places; ++place) {
+      quiescent_log_.restart();
       query(sessions_[0], quiescent_log_, plan_.threads, place);
-    quiescent_log_.append_to(history_);
+      quiescent_log_.append_to(history_);
+    }
     rest.end = static_cast<std::uint32_t>(history_.operations.size());
     return history_.epochs.emplace_back(std::move(rest));
   }

@@ -112,6 +112,32 @@ INSTANTIATE_TEST_SUITE_P(Registry, StressCaches, ::testing::Range(std::size_t{0}
                          [](const auto& at) { return std::string(all_subjects()[at.param].traits.name); });
 
 /// A hang would be a failure: the threads that there are wait for those that are missing.
+// Also where a place sees more records than logs have room for as a rule.
+TEST(StressRound, EveryPlaceIsAskedAtRest) {
+  constexpr float kRadii[] = {2.0f};
+  Shape shape = all_shapes().front();
+  shape.radii = kRadii;
+  shape.places = 5;
+  shape.epoch_operations = 4000;
+  shape.insert_percent = 90;
+  RoundPlan plan;
+  plan.shape = &shape;
+  plan.threads = 2;
+  plan.operations = 3 * shape.epoch_operations;
+  const RoundRecord round = run_round<WaitFree<>>(plan);
+  unsigned rests = 0;
+  std::uint32_t most_seen = 0;
+  for (const Epoch& epoch : round.history.epochs) {
+    if (epoch.has_contents) continue;
+    ++rests;
+    EXPECT_EQ(epoch.end - epoch.first, shape.places);
+    for (std::uint32_t i = epoch.first; i != epoch.end; ++i)
+      most_seen = std::max(most_seen, round.history.operations[i].count);
+  }
+  EXPECT_GE(rests, 3u);
+  EXPECT_GT(most_seen, 1000u);
+}
+
 TEST(StressHistory, AThreadThatCannotBeCreatedIsAOneLineError) {
   if (kSanitized) GTEST_SKIP() << "sanitizers reserve address space without measure";
   EXPECT_EQ(status_with_little_memory([] {

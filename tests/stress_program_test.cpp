@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -147,6 +149,41 @@ TEST(StressProgram, ReportsTheChecksAskedFor) {
   EXPECT_EQ(results.at("checks")[0].at("check"), "regular");
   for (const char* part : {"schedules", "explored_controls", "progress", "progress_controls"})
     EXPECT_FALSE(results.contains(part)) << part;
+  const std::string left_out = results.at("not_examined").dump();
+  EXPECT_NE(left_out.find("Histories for integrity, per_record_linearizable, linearizable, frame."),
+            std::string::npos)
+      << left_out;
+  EXPECT_NE(left_out.find(" other caches."), std::string::npos) << left_out;
+  EXPECT_FALSE(std::filesystem::exists(file + ".partial"));
+}
+
+TEST(StressProgram, AReplayNamesWhatHasNoEffect) {
+  const Outcome outcome = icstress(
+      "--replay wait_free:install:stamped:0 --threads 8 --operations 5 --seed 3 --explore off --preemptions "
+      "1 "
+      "--progress off");
+  EXPECT_EQ(outcome.status, 0);
+  for (const char* option :
+       {"--threads", "--operations", "--seed", "--explore", "--preemptions", "--progress"}) {
+    EXPECT_NE(outcome.errors.find(std::string(option) + " has no effect with --replay"), std::string::npos)
+        << option;
+  }
+}
+
+// Killed when the first verdicts are there, long before the schedules of the long form are through.
+TEST(StressProgram, AKilledRunLeavesWhatHadEnded) {
+  const TemporaryFolder folder;
+  const std::string file = (folder / "verdicts.json").string();
+  const std::string command =
+      std::string(ICSTRESS) + " --caches packed_wait_free --operations 100 --explore long --json " + file +
+      " >/dev/null 2>&1 & run=$!; until [ -e " + file +
+      ".partial ]; do kill -0 $run || exit 1; done; kill -9 $run; wait $run; test $? = 137";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  EXPECT_FALSE(std::filesystem::exists(file));
+  std::ifstream in(file + ".partial");
+  const nlohmann::json results = nlohmann::json::parse(in);
+  EXPECT_EQ(results.at("checks").size(), 5u);
+  EXPECT_NE(results.at("not_examined").back().get<std::string>().find("had not ended"), std::string::npos);
 }
 
 }  // namespace

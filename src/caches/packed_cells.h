@@ -15,8 +15,9 @@
 // the record, or what its thread did afterwards, sees the level. What a brick says of further lanes is a hint for
 // prefetching, relaxed: nothing is read by it.
 //
-// Progress: every method that sessions call is a bounded number of steps; nothing is retried but the noting of a level,
-// whose CAS fails only if another level was noted meanwhile.
+// Progress: every method that sessions call is a bounded number of steps, but `prefault`, which is lock-free as
+// Arena::take_ahead is (core/arena.h); beside it nothing is retried but the noting of a level, whose CAS fails only if
+// another level was noted meanwhile.
 #pragma once
 
 #include "caches/packed_lanes.h"

@@ -6,7 +6,8 @@
 // session's own only where it takes many pieces at a time (prefault); else neighbours share pages, on large ones some
 // hundred pieces of all sessions.
 //
-// Progress: take is wait-free, one load and one fetch_add; allocate is two of these at most. No lock, no malloc.
+// Progress: take is wait-free, one load and one fetch_add; allocate is two of these at most; take_ahead, and with it
+// prefault, is lock-free. No lock, no malloc.
 #pragma once
 
 #include <sys/mman.h>

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <array>
+
 #include "stress/explore/model_locks.h"
 #include "stress/explore/scenario.h"
 #include "stress/round.h"
@@ -147,7 +149,7 @@ class Drive {
     if (scenario_.prefaults && t == 0) sessions_[t].prefault(kPrefaultRecords);
     const std::span operations(log_.threads[t]);
     for (std::size_t i = 0, n; i < operations.size(); i += n) {
-      for (n = 1; i + n < operations.size() && operations[i + n].is_in_batch;) ++n;
+      for (n = 1; n < kMostBatch && i + n < operations.size() && operations[i + n].is_in_batch;) ++n;
       const std::span call = operations.subspan(i, n);
       LoggedOperation& first = call.front();
       // Acquire: what has returned by the number read is known here.
@@ -186,13 +188,14 @@ class Drive {
   };
 
   void query_batch(Session& session, std::span<LoggedOperation> queries) {
-    std::vector<SurfacePoint> points;
-    for (LoggedOperation& o : queries) {
-      o.seen_count = 0;
-      points.push_back(stage_.place(o.where));
+    // Not of the heap: an execution may be abandoned within.
+    std::array<SurfacePoint, kMostBatch> points;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      queries[i].seen_count = 0;
+      points[i] = stage_.place(queries[i].where);
     }
     const Watching watching{queries};
-    session.visit_batch(points, watching);
+    session.visit_batch({points.data(), queries.size()}, watching);
     for (LoggedOperation& o : queries) std::sort(o.seen.begin(), o.seen.begin() + o.seen_count);
   }
 
