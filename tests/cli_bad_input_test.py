@@ -420,6 +420,7 @@ class BadInput(Case):
                     preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)))
                 self.assertIn(done.returncode, (0, 2), done.stderr)
 
+    @unittest.skipIf(SANITIZED, "sanitizers need their terabytes of address space")
     def test_a_cache_that_does_not_fit_is_named_before_anything_is_measured(self):
         (self.folder / "a.json").write_text("precious")
         limit = 3 << 30

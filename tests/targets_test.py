@@ -61,6 +61,7 @@ class Targets(unittest.TestCase):
         verdicts = [(row["name"], row["verdict"]) for row in json.loads(self.file.read_text(encoding="utf-8"))]
         self.assertEqual(verdicts, list(zip(rows, ("skipped", "skipped", "pass"))))
 
+    @unittest.skipIf(os.environ.get("ICBENCH_SANITIZE"), "sanitizers need their terabytes of address space")
     def test_an_error_names_its_row(self):
         limit = 1_000_000_000
         done = subprocess.run([TARGETS, "--rows", "packed_memory_1000000"], capture_output=True, text=True, check=False,
