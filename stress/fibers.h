@@ -8,6 +8,8 @@
 // asks nothing of the system (Boost.Context), for a schedule may switch at every step.
 #pragma once
 
+#include <sanitizer/asan_interface.h>
+
 #include <boost/context/detail/fcontext.hpp>
 #include <cstddef>
 #include <functional>
@@ -34,6 +36,8 @@ class Fibers {
     Fiber& f = fibers_[i];
     f.body = std::move(body);
     f.done = false;
+    // AddressSanitizer holds to be off limits what frames left there that were given back without being unwound.
+    ASAN_UNPOISON_MEMORY_REGION(f.stack.get(), kStackBytes);
     // A stack grows downwards: its top is its end.
     f.context =
         boost::context::detail::make_fcontext(f.stack.get() + kStackBytes, kStackBytes, &Fibers::enter);
