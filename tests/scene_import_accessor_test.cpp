@@ -170,5 +170,17 @@ TEST(ImportAccessor, TheSceneThatTheFileNamesIsShownOrAllRoots) {
   EXPECT_NEAR(volume_shown(), 4.0, 1e-5);
 }
 
+// Such are skipped (glTF 2.0, meshes).
+TEST(ImportAccessor, PrimitivesWithoutPositionsAreLeftOut) {
+  GltfFile f = spinning_cube();
+  auto& primitives = f.doc["meshes"][0]["primitives"];
+  json without = primitives[0];
+  without["attributes"].erase("POSITION");
+  primitives.push_back(without);
+  const ImportedScene imported = import_gltf(f);
+  EXPECT_EQ(imported.scene.meshes.size(), import_gltf(spinning_cube()).scene.meshes.size());
+  EXPECT_TRUE(has_note(imported, "primitives without positions"));
+}
+
 }  // namespace
 }  // namespace icbench

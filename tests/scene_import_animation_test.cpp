@@ -41,6 +41,17 @@ TEST(ImportAnimation, RotationsGoTheShortWayAtAnEvenSpeed) {
   }
 }
 
+// glTF 2.0 is known without its extension, too: assimp would play steps as lines.
+TEST(ImportAnimation, StepsAreStepsWithoutAnExtension) {
+  GltfFile f = grey_cube();
+  f.animate(0, "translation", f.scalars({0, 1}), f.vec3s({3, 0, 0, 5, 0, 0}), "STEP");
+  const TemporaryFolder folder;
+  for (const auto& [name, bytes] : {std::pair("text", "\n " + f.text()), std::pair("binary", f.glb())}) {
+    write(folder / name, bytes);
+    EXPECT_EQ(import_scene(folder / name).scene.meshes[0].pose(12.0f).shift.x, 3.0f) << name;
+  }
+}
+
 TEST(ImportAnimation, CubicRotationsAreBroughtToLengthOne) {
   const float h = std::sqrt(0.5f);
   const Scene scene =

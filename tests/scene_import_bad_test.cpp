@@ -104,6 +104,9 @@ TEST(ImportBadGltf, TheElementIsNamed) {
       {[](json& d) { d["animations"][0]["channels"][0]["target"]["node"] = 77; }, "target.node is 77"},
       {[](json& d) { d["animations"][0]["samplers"][0]["interpolation"] = "CUBICSPLINE"; },
        "animations[0].samplers[0] has 3 values for 3 times"},
+      {[](json& d) { d["animations"][0]["samplers"][0]["interpolation"] = "CATMULLROM"; },
+       "animations[0].samplers[0].interpolation is 'CATMULLROM'"},
+      {[](json& d) { d["materials"][0]["alphaMode"] = "GREY"; }, "materials[0].alphaMode is 'GREY'"},
       {[](json& d) { d["cameras"][0]["perspective"]["yfov"] = 4; }, "cameras[0].perspective.yfov"},
       {[](json& d) { d["extensions"]["KHR_lights_punctual"]["lights"][0]["type"] = "disco"; }, "is 'disco'"},
       {[](json& d) { d["extensionsRequired"] = {"EXT_meshopt_compression"}; }, "EXT_meshopt_compression"},
@@ -133,6 +136,8 @@ TEST(ImportBadGltf, BytesThatAreNoNumbersOrIndicesAreNamed) {
   EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "does not increase at key 2"));
   back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({0, 1, 1});
   EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "does not increase at key 2"));
+  back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({-1, 0, 1});
+  EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "is negative at key 0"));
   back.doc["animations"][0]["samplers"][0]["input"] = back.scalars({0, 1});
   EXPECT_TRUE(is_one_line_with(complaint(folder / "bad.gltf", back.text()), "has 3 values for 2 times"));
 }

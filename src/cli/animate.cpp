@@ -127,6 +127,8 @@ void animate_command(const AnimateOptions& o) {
     // Those of an earlier run, or a killed one would leave frames of two animations.
     std::error_code none;
     for (const fs::path& file : ours) fs::remove(file, none);
+    if (fs::is_regular_file(o.json, none))
+      fs::remove(o.json, none);  // and its figures beside those of this one
   }
 
   FrameCost total;

@@ -156,6 +156,8 @@ void render_command(const RenderOptions& o) {
   require_memory(fmt::format("a picture of {}", o.size), frame_bytes(setup.request()));
   setup.require_frame(o.frame);
   const CacheContent content = content_of(o, setup.rays().scene());
+  if (!o.load_cache.empty() && o.cache == "null")
+    tell_without_effect("icbench", "--load-cache", "on null, which keeps no records");
   if (!o.load_cache.empty()) setup.request().records = load_records(o, setup.rays().scene());
   // Never finished, only wiped: the last line is the one on standard output, once everything is written.
   Progress progress("render", frame_work(setup.request()));

@@ -240,7 +240,8 @@ void add_simulate(CLI::App& app) {
                    "Workloads, separated by commas: synthetic ones, or\ntrace:file=PATH (default: "
                    "miss_driven:cost=10;\n"
                    "with --validate costs of 1, 10, 100, mix_90_10 and read_only)")
-      ->type_name("LIST");
+      ->type_name("LIST")
+      ->check(is_named);
   add_whole(simulate, "--seed", o->seed, std::uint64_t{0}, ~std::uint64_t{0},
             "Seed of points, operations and of who gets a lock");
   add_file(simulate, "--calibration", o->calibration,

@@ -254,6 +254,10 @@ class GltfReader {
       return false;
     }
     const Element attributes = primitive.at("attributes");
+    if (!attributes.has("POSITION")) {
+      model_.notes.drop("primitives without positions");
+      return false;
+    }
     if (primitive.has("targets")) model_.notes.drop("morph targets");
     if (attributes.has("COLOR_0")) model_.notes.drop("vertex colours");
     const auto material = primitive.find("material");
@@ -343,6 +347,8 @@ class GltfReader {
       target.at("path").fail(fmt::format("is '{}'; translation, rotation and scale are known", path));
     const Element sampler = samplers[channel.at("sampler").index(samplers.size())];
     const std::string way = sampler.text("interpolation", "LINEAR");
+    if (way != "LINEAR" && way != "STEP" && way != "CUBICSPLINE")
+      sampler.at("interpolation").fail(fmt::format("is '{}'; LINEAR, STEP and CUBICSPLINE are known", way));
     to.interpolation = way == "STEP"          ? Interpolation::step
                        : way == "CUBICSPLINE" ? Interpolation::cubic
                                               : Interpolation::linear;
@@ -356,7 +362,9 @@ class GltfReader {
     if (keys == 0 || values != keys * (to.interpolation == Interpolation::cubic ? 3 : 1))
       sampler.fail(fmt::format("has {} values for {} times", values, keys));
     for (std::size_t k = 0; k < keys; ++k) {
-      if (times[k] < 0.0f || (k > 0 && times[k] <= times[k - 1]))
+      if (times[k] < 0.0f)
+        sampler.at("input").fail(fmt::format("is negative at key {}; let times begin at 0", k));
+      if (k > 0 && times[k] <= times[k - 1])
         sampler.at("input").fail(fmt::format("does not increase at key {}", k));
       to.times.push_back(times[k]);
     }

@@ -26,7 +26,6 @@ class MaterialReader {
       : document_(document), data_(data), model_(model) {}
 
   TextureUse read(const Element& material) {
-    note_dropped(material);
     Surfacing to;
     Material& m = to.material;
     double colour[4] = {1.0, 1.0, 1.0, 1.0}, metallic = 1.0, roughness = 1.0;
@@ -45,6 +44,7 @@ class MaterialReader {
     }
     for (int c = 0; c < 3; ++c) m.albedo[c] = static_cast<float>(std::clamp(colour[c], 0.0, 1.0));
     m.emission = emission(material);
+    note_dropped(material, m.emits());
     const Kind kind = surface(material, colour[3], metallic, roughness);
     if (!m.emits()) {
       m.surface = kind.surface;
@@ -68,12 +68,12 @@ class MaterialReader {
   }
 
  private:
-  void note_dropped(const Element& material) {
+  void note_dropped(const Element& material, bool emits) {
     if (material.has("normalTexture")) model_.notes.drop("normal maps");
     if (material.has("occlusionTexture")) model_.notes.drop("occlusion maps");
     if (material.text("alphaMode", "OPAQUE") == "MASK") model_.notes.drop("cut-outs by alpha");
     const auto doubled = material.find("doubleSided");
-    if (doubled && doubled->truth() && emission(material) != glm::vec3(0.0f))
+    if (doubled && doubled->truth() && emits)
       model_.notes.drop("light from the back of double-sided surfaces");
     const auto extensions = material.find("extensions");
     if (!extensions) return;
@@ -102,7 +102,10 @@ class MaterialReader {
       if (t->has("transmissionTexture")) model_.notes.drop("transmission textures (factors count)");
     }
     const auto volume = extension(material, "KHR_materials_volume");
-    const bool blends = material.text("alphaMode", "OPAQUE") == "BLEND";
+    const std::string mode = material.text("alphaMode", "OPAQUE");
+    if (mode != "OPAQUE" && mode != "MASK" && mode != "BLEND")
+      material.at("alphaMode").fail(fmt::format("is '{}'; OPAQUE, MASK and BLEND are known", mode));
+    const bool blends = mode == "BLEND";
     if (transmission >= 0.5 || (blends && alpha < 0.5)) {
       const bool is_thin = !volume || !(volume->number("thicknessFactor", 0.0) > 0.0);
       const bool is_blended = transmission < 0.5;

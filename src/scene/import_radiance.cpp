@@ -114,7 +114,9 @@ class RadianceReader {
 
   void need(const Primitive& p, std::size_t least, std::size_t most) const {
     if (p.reals.size() < least || p.reals.size() > most)
-      fail(p, fmt::format("has {} real arguments; it needs {}", p.reals.size(), least));
+      fail(p, fmt::format("has {} real arguments; it {} {}", p.reals.size(),
+                          p.reals.size() < least || least == most ? "needs" : "takes at most",
+                          p.reals.size() < least ? least : most));
   }
 
   Definition resolve(const std::string& modifier) {

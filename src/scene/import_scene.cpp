@@ -19,10 +19,21 @@ std::string lower_case(std::string text) {
   return text;
 }
 
+// By how a file begins: a binary one, or the object of a text.
+bool is_gltf(std::string_view bytes) {
+  if (bytes.starts_with("glTF")) return true;
+  const std::size_t begin = bytes.find_first_not_of(" \t\r\n");
+  return begin != bytes.npos && bytes[begin] == '{';
+}
+
 importing::Model read(const std::filesystem::path& file) {
   const std::string extension = lower_case(file.extension().string());
   if (extension == ".rad") return importing::read_radiance(file, load_file(file));
   if (extension == ".gltf" || extension == ".glb") return importing::read_gltf(file, load_file(file));
+  if (extension.empty()) {
+    const std::string bytes = load_file(file);
+    if (is_gltf(bytes)) return importing::read_gltf(file, bytes);
+  }
   return importing::read_with_assimp(file);
 }
 
